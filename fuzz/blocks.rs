@@ -3,7 +3,7 @@
 use super::{Outcome, file_of, inverts, number, numbers, small};
 use arbitrary::Unstructured;
 use gyroceptron::layer::{
-    Activation, CircleAction, MOST_DEGREES, Reversor, RidgeFunction, TorusAction,
+    Activation, CircleAction, MOST_DEGREES, Neuron, Reversor, RidgeFunction, TorusAction,
 };
 use gyroceptron::measure::ratios::differing_components;
 use gyroceptron::network::{
@@ -171,7 +171,8 @@ fn block(u: &mut Unstructured<'_>) -> Block {
 /// Neurons, or polynomials in a box of any radius, or of one that is not known yet.
 fn ridges(u: &mut Unstructured<'_>) -> RidgeFunction {
     let degree = match u.arbitrary::<u8>().unwrap_or(0) {
-        0..=127 => return RidgeFunction::Tanh,
+        0..=95 => return RidgeFunction::default(),
+        96..=127 => return RidgeFunction::Neurons(Neuron::Arctan),
         128..=191 => small(u, 8),
         192..=254 => count(u),
         255 => MOST_DEGREES,
@@ -318,13 +319,13 @@ fn mended(mut drawn: Architecture) -> Architecture {
         block.name = format!("block-{number}");
         block.ridges = match block.ridges {
             _ if matches!(block.layers, Layers::TurnedCoupling(_) | Layers::SympNet(_)) => {
-                RidgeFunction::Tanh
+                RidgeFunction::default()
             }
             RidgeFunction::Polynomial { degree, radius } => RidgeFunction::Polynomial {
                 degree: few(degree),
                 radius: if (1e-3..1e3).contains(&radius) { radius } else { 1.3 },
             },
-            tanh => tanh,
+            neurons => neurons,
         };
     }
     if drawn.blocks.iter().any(|block| block.layers.commutes_with_circles()) {
@@ -335,7 +336,7 @@ fn mended(mut drawn: Architecture) -> Architecture {
         }
     }
     let of_twists = arguments(&drawn);
-    for block in drawn.blocks.iter_mut().filter(|block| block.ridges != RidgeFunction::Tanh) {
+    for block in drawn.blocks.iter_mut().filter(|block| block.ridges.is_polynomial()) {
         let twist = block.layers.commutes_with_circles();
         let one = if twist { of_twists == 1 } else { dof == 1 };
         if let Layers::Henon(widths)
@@ -384,13 +385,13 @@ fn parameter_counts(architecture: &Architecture) -> Vec<u128> {
             widths.map(|(layer, h)| count(layer, *h as u128)).fold(0, u128::saturating_add)
         };
         let of_ridges = |h: u128, arguments: u128| match block.ridges {
-            RidgeFunction::Tanh => times(&[h, arguments + 2]),
+            RidgeFunction::Neurons(_) => times(&[h, arguments + 2]),
             RidgeFunction::Polynomial { degree, .. } => {
                 let directions = if arguments > 1 { arguments } else { 0 };
                 times(&[h, directions + degree as u128])
             }
         };
-        let has_form = block.ridges == RidgeFunction::Tanh;
+        let has_form = !block.ridges.is_polynomial();
         match &block.layers {
             Layers::Henon(_) => each(&|_, h| plus(&[of_ridges(h, n), n])),
             Layers::TurnedKick(_) => each(&|_, h| plus(&[n, of_ridges(h, n)])),
@@ -485,12 +486,14 @@ fn faults(architecture: &Architecture) -> Vec<Vec<String>> {
             fault(of.shears == 0, &[&place, name, &"shears of a linear module"]);
         }
         for (layer, width) in layers.widths().iter().enumerate() {
-            let of_form = matches!(layers, Layers::Twist(_)) && *ridges == RidgeFunction::Tanh;
+            let of_form = matches!(layers, Layers::Twist(_)) && !ridges.is_polynomial();
             let empty = *width == 0 && !(of_form && layer % 2 == 0 && *dof > 0);
             fault(empty, &[&place, name, &format!("width 0 (number {layer})")]);
         }
+        let none = matches!(layers, Layers::TurnedCoupling(_) | Layers::SympNet(_));
+        let of_arctan = *ridges == RidgeFunction::Neurons(Neuron::Arctan);
+        fault(none && of_arctan, &[&place, name, &"neurons of arctan in"]);
         if let RidgeFunction::Polynomial { degree, radius } = ridges {
-            let none = matches!(layers, Layers::TurnedCoupling(_) | Layers::SympNet(_));
             fault(none, &[&place, name, &"polynomials in"]);
             let fits = (1..=MOST_DEGREES).contains(degree);
             fault(!fits, &[&place, name, &"degree of a polynomial", degree]);

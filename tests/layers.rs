@@ -1,7 +1,7 @@
 //! Layers against their definitions.
 
 use gyroceptron::layer::{
-    CircleAction, ElementaryMap, FastPlanes, HenonLayer, HenonMap, TanhPotential, TorusAction,
+    CircleAction, ElementaryMap, FastPlanes, HenonLayer, HenonMap, NeuronPotential, TorusAction,
     Turn, Twist, TwistShears, layer_parameter_count,
 };
 use gyroceptron::network::InitialWeights;
@@ -88,8 +88,11 @@ fn the_bound_sees_a_layer_that_is_wrong_by_1e_12() {
 fn the_henon_map_is_the_papers() {
     let weights = parameters(2, 3, 0.7, 4);
     let (w_in, b_in, w_out, eta) = (&weights[..6], &weights[6..9], &weights[9..12], &weights[12..]);
-    let map =
-        HenonMap { potential: TanhPotential::<f64>::new(2, 3, &weights[..12]), eta, epsilon: 1.0 };
+    let map = HenonMap {
+        potential: NeuronPotential::<f64>::new(2, 3, &weights[..12]),
+        eta,
+        epsilon: 1.0,
+    };
     let z = point(2, 1.5, 4);
     // H(x, y) = (y + η, −x + ∇V(y)) with V = w·tanh(Wᵀy + b), by the libm tanh
     // and central differences of V itself.

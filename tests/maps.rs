@@ -9,6 +9,7 @@ mod errors;
 mod generators;
 mod layers;
 mod networks;
+mod neurons;
 mod normal_form;
 mod on_grid;
 mod own_maps;

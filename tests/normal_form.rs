@@ -2,7 +2,7 @@
 
 use gyroceptron::flow::GaussLegendre;
 use gyroceptron::layer::{
-    CircleAction, ElementaryMap, FastPlanes, TanhPotential, TorusAction, TurnedKick, Twist,
+    CircleAction, ElementaryMap, FastPlanes, NeuronPotential, TorusAction, TurnedKick, Twist,
     TwistShears,
 };
 use gyroceptron::measure::{
@@ -396,7 +396,7 @@ fn a_turned_kick_moves_along_the_gradient_in_turned_coordinates() {
         let parameters: Vec<f64> = (0..count).map(|_| stream.uniform(-2.0, 2.0)).collect();
         let z: Vec<f64> = (0..2 * n).map(|_| stream.uniform(-1.5, 1.5)).collect();
         let turn = gyroceptron::layer::Turn::by_angles(&parameters[..n]);
-        let potential = TanhPotential::<f64>::new(n, KICK, &parameters[n..]);
+        let potential = NeuronPotential::<f64>::new(n, KICK, &parameters[n..]);
         let kick = TurnedKick::new(&turn, potential, 0.8);
         let (mut image, mut scratch) = (z.clone(), vec![0.0; 2 * n]);
         kick.apply(&mut image, &mut scratch);

@@ -3,7 +3,7 @@
 
 use faer::Mat;
 use gyroceptron::flow::Pairs;
-use gyroceptron::layer::{CircleAction, Kick, TanhPotential, TorusAction};
+use gyroceptron::layer::{CircleAction, Kick, NeuronPotential, TorusAction};
 use gyroceptron::measure::internals::{monomials, power, powers};
 use gyroceptron::measure::{
     Coordinate, Measurable, NearlyPeriodic, NormalFormed,
@@ -589,7 +589,7 @@ fn verdicts_change_at_their_limits() {
 fn magnitudes_of_a_kick_are_their_formulas() {
     let (inner, bias, outer, scale): (f64, f64, f64, f64) = (1.5, -0.4, 2.0, -0.3);
     let weights = [inner, bias, outer];
-    let potential = TanhPotential::<f64>::new(1, 1, &weights);
+    let potential = NeuronPotential::<f64>::new(1, 1, &weights);
     let y = -0.7;
     let t = (inner * y + bias).tanh();
     let slope = 1.0 - t * t;

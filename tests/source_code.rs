@@ -2,7 +2,7 @@
 
 use gyroceptron::flow::Region;
 use gyroceptron::io::{Provenance, SourceCode, SourceLanguage, StoredModel};
-use gyroceptron::layer::{CircleAction, Reversor, TorusAction};
+use gyroceptron::layer::{CircleAction, Neuron, Reversor, TorusAction};
 use gyroceptron::network::{
     Architecture, Course, InitialWeights, LayerSizes, NamedArchitecture, NetworkSpec, Pace, Rollout,
 };
@@ -86,6 +86,11 @@ fn models() -> Vec<(String, StoredModel)> {
         let made = normal_form(&plane, None).reversible(Some(reversor));
         out.push((format!("reversible_{reversor:?}"), stored(made)));
     }
+    let mut of_arctan = normal_form(&CircleAction::new([1, 0]).into(), None);
+    for block in &mut of_arctan.blocks {
+        *block = block.clone().of_neurons(Neuron::Arctan);
+    }
+    out.push(("arctan".into(), stored(of_arctan)));
     let two = TorusAction::new(vec![CircleAction::new([1, 0, 0]), CircleAction::new([0, 0, -2])]);
     out.push(("two_circles".into(), stored(normal_form(&two.expect("circles"), None))));
     let units = Units::new(vec![0.1, 0.0, -0.3, 0.7], vec![1.5, 3.0, 0.8, 0.4]).expect("units");

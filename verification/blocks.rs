@@ -1,11 +1,11 @@
 //! Networks whose lists of blocks no other file measures: gyroceptrons with an I_ε of turned kicks,
-//! and slow maps of twists in turned coordinates.
+//! and slow maps of twists in turned coordinates; neurons of arctan in all of them and in plain twists.
 
 use crate::compositions::{Broken, identity_at_zero, measure_any, named, points};
 use crate::mutants::Fault;
 use crate::suite;
 use crate::watched::watched;
-use gyroceptron::layer::CircleAction;
+use gyroceptron::layer::{CircleAction, Neuron};
 use gyroceptron::measure::{
     certificate::{Row, Tally, Verdict, merged},
     laws,
@@ -23,8 +23,11 @@ const NAME: &str = " of other blocks";
 #[derive(Clone, Debug)]
 struct Case {
     action: Vec<i32>,
-    /// Of the turned twists; without any it is a gyroceptron of turned kicks.
+    /// Of the slow map; without any it is a gyroceptron of turned kicks.
     twists: Vec<usize>,
+    /// Twists in turned coordinates, or not.
+    turned: bool,
+    neuron: Neuron,
     conjugation: Vec<usize>,
     kicks: Vec<usize>,
     epsilon: f64,
@@ -38,15 +41,25 @@ impl Case {
         let (circle, kicks) = (CircleAction::new(self.action.clone()), self.kicks.clone());
         if self.twists.is_empty() {
             let psi = self.conjugation.clone();
-            return KickedGyroceptronShape { circle_action: circle, psi, kicks }
-                .architecture(self.epsilon);
+            let out = KickedGyroceptronShape { circle_action: circle, psi, kicks };
+            return self.of_neurons(out.architecture(self.epsilon));
         }
-        Architecture::new(self.action.len())
+        let twists = self.twists.clone();
+        let twists = if self.turned { Layers::TurnedTwist(twists) } else { Layers::Twist(twists) };
+        let out = Architecture::new(self.action.len())
             .on_circle(circle)
             .at_epsilon(self.epsilon)
             .of_time(2.5)
             .with(Block::new(Part::Chart, Layers::TurnedKick(kicks)))
-            .with(Block::new(Part::SlowMap, Layers::TurnedTwist(self.twists.clone())))
+            .with(Block::new(Part::SlowMap, twists));
+        self.of_neurons(out)
+    }
+
+    fn of_neurons(&self, mut architecture: Architecture) -> Architecture {
+        for block in &mut architecture.blocks {
+            *block = block.clone().of_neurons(self.neuron);
+        }
+        architecture
     }
 
     fn network(&self) -> Model {
@@ -68,15 +81,36 @@ fn cases() -> impl Strategy<Value = Case> {
         select(vec![0.0, 1e-6, 0.01, 0.1, -0.1]),
         select(vec![0.1, 0.3, 1.0]),
         select(vec![1.6, 1.6, 1e-6, 30.0]),
-        any::<u64>(),
+        // Plain twists of tanh have a file of their own.
+        (
+            any::<u64>(),
+            select(vec![(Neuron::Tanh, true), (Neuron::Arctan, true), (Neuron::Arctan, false)]),
+        ),
     )
         .prop_map(
-            |((action, mut twists, conjugation, kicks), epsilon, scale, radius, seed)| {
+            |(
+                (action, mut twists, conjugation, kicks),
+                epsilon,
+                scale,
+                radius,
+                (seed, (neuron, turned)),
+            )| {
                 // A slow map needs a slow plane.
                 if action.iter().all(|&weight| weight != 0) {
                     twists.clear();
                 }
-                Case { action, twists, conjugation, kicks, epsilon, scale, radius, seed }
+                Case {
+                    action,
+                    twists,
+                    turned,
+                    neuron,
+                    conjugation,
+                    kicks,
+                    epsilon,
+                    scale,
+                    radius,
+                    seed,
+                }
             },
         )
 }
@@ -103,10 +137,15 @@ fn holds() {
 
 /// All laws of such lists on some with this fault.
 pub fn rows_of_mutant(fault: Fault) -> Vec<Row> {
-    let tallies = [vec![], vec![3, 2]].into_iter().flat_map(|twists| {
+    let lists = [vec![], vec![3, 2]].into_iter();
+    let kinds =
+        lists.flat_map(|twists| [Neuron::Tanh, Neuron::Arctan].map(|of| (twists.clone(), of)));
+    let tallies = kinds.flat_map(|(twists, neuron)| {
         let case = Case {
             action: vec![1, 0],
             twists,
+            turned: true,
+            neuron,
             conjugation: vec![3],
             kicks: vec![3, 2],
             epsilon: 0.05,

@@ -4,7 +4,7 @@ use crate::samples::weights;
 use crate::tolerances;
 use astro_float::{BigFloat, Consts, RoundingMode};
 use faer::MatRef;
-use gyroceptron::layer::{CircleAction, HenonLayer, Potential, TanhPotential};
+use gyroceptron::layer::{CircleAction, HenonLayer, NeuronPotential, Potential};
 use gyroceptron::measure::{
     Measurable,
     adiabatic::{disturbing_resonance, nearest_resonance, settling_iterations},
@@ -54,7 +54,7 @@ fn saturated_neurons_keep_their_slope() {
 #[test]
 fn huge_weights_times_a_tiny_slope() {
     let parameters = [1e8, 19.0, 1e8];
-    let potential = TanhPotential::<f64>::new(1, 1, &parameters);
+    let potential = NeuronPotential::<f64>::new(1, 1, &parameters);
     let mut gradient = [0.0];
     potential.gradient(&[0.0], &mut gradient);
     let exact = 1e16 * exact_sech2(19.0);

@@ -6,7 +6,7 @@ use crate::{
     polynomials, precision, reversible, suite, symp_net, tanh, tolerances, torus,
 };
 use gyroceptron::layer::{
-    CircleAction, HenonLayer, HenonMap, Kick, KickForm, Potential, TanhPotential,
+    CircleAction, HenonLayer, HenonMap, Kick, KickForm, NeuronPotential, Potential,
     layer_parameter_count,
 };
 use gyroceptron::measure::{
@@ -91,6 +91,8 @@ pub enum Fault {
     SechByDifference,
     /// tanh from the exponential alone.
     TanhByExponential,
+    /// The slope of arctan, the last step of whose reciprocal leaves an error of 2.7e-16.
+    LorentzianByCubicStep,
     /// A constant that is right to 1e-12 at every precision.
     ConstantTo12Digits,
     /// A linear shear beside a SympNet, a torus turn or a normal form whose matrix is not symmetric, by 1e-9.
@@ -150,7 +152,7 @@ pub enum Fault {
 }
 
 impl Fault {
-    const ALL: [Self; 61] = [
+    const ALL: [Self; 62] = [
         Self::MissingTranspose,
         Self::OwnHalf,
         Self::OuterWeights,
@@ -184,6 +186,7 @@ impl Fault {
         Self::PullbackSign,
         Self::SechByDifference,
         Self::TanhByExponential,
+        Self::LorentzianByCubicStep,
         Self::ConstantTo12Digits,
         Self::SkewModule,
         Self::ModuleInverse,
@@ -221,6 +224,7 @@ impl Fault {
             Self::PullbackSign
                 | Self::SechByDifference
                 | Self::TanhByExponential
+                | Self::LorentzianByCubicStep
                 | Self::ConstantTo12Digits
                 | Self::SkewModule
                 | Self::ModuleInverse
@@ -250,7 +254,7 @@ impl Fault {
 /// ∇V with a fault, over any number, so that duals see the fault as well.
 #[derive(Clone, Copy, Debug)]
 struct Faulty<'a> {
-    clean: TanhPotential<'a, f64>,
+    clean: NeuronPotential<'a, f64>,
     parameters: &'a [f64],
     width: usize,
     fault: Fault,
@@ -260,7 +264,7 @@ const DOF: usize = 2;
 
 impl<'a> Faulty<'a> {
     fn new(width: usize, parameters: &'a [f64], fault: Fault) -> Self {
-        Self { clean: TanhPotential::new(DOF, width, parameters), parameters, width, fault }
+        Self { clean: NeuronPotential::new(DOF, width, parameters), parameters, width, fault }
     }
 }
 
@@ -784,6 +788,7 @@ fn rows_of(fault: Fault) -> Vec<Row> {
         Fault::PullbackSign => vec![gradients::broken_pullback()],
         Fault::SechByDifference => tanh::rows_of(tanh::by_difference),
         Fault::TanhByExponential => tanh::rows_of(tanh::by_exponentials),
+        Fault::LorentzianByCubicStep => tanh::rows_of_arctan(tanh::by_cubic_step),
         Fault::ConstantTo12Digits => precision::rows_of_mutant(),
         Fault::SkewModule
         | Fault::ModuleInverse

@@ -126,6 +126,10 @@ pub const TANH_ULPS: f64 = 3.0;
 /// reason: roundings of 1 + e^{−2|x|}, its inverse, q and q − q², at most 1.1e-16
 /// each (the inverse half of it), and 0.3e-16 of the exponential.
 pub const SECH2: f64 = 5e-16;
+/// 3u = 3.33e-16: roundings of 1 + x² and of the last two operations of its reciprocal, each of at most u.
+pub const LORENTZIAN: f64 = 3.4e-16;
+/// 4u = 4.44e-16: and one of the product with x.
+pub const ODD_LORENTZIAN: f64 = 4.5e-16;
 
 /// Four roundings of numbers of size 1, which is what a rotation by three shears
 /// takes, and what one derivative of sech² takes by any formula.
@@ -259,6 +263,14 @@ mod needed {
         is_needed("TANH_ULPS", ulps, TANH_ULPS, tanh::worst(tanh::by_exponentials).0);
         assert!(relative > SECH2 / 10.0 && relative < SECH2);
         assert!(tanh::worst(tanh::by_difference).1 > SECH2 * 10.0);
+        let worst = |kernel| {
+            let all = tanh::errors_of_arctan(kernel).into_iter();
+            all.fold([0.0, 0.0], |[a, b], (t, s)| [max_or_nan(a, t), max_or_nan(b, s)])
+        };
+        let (sound, broken) =
+            (worst(gyroceptron::scalar::Scalar::lorentzian), worst(tanh::by_cubic_step));
+        is_needed("ODD_LORENTZIAN", sound[0], ODD_LORENTZIAN, broken[0]);
+        is_needed("LORENTZIAN", sound[1], LORENTZIAN, broken[1]);
     }
 
     #[test]

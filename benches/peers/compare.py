@@ -34,7 +34,8 @@ def environment():
         subprocess.run([sys.executable, "-m", "venv", FOLDER / "venv"], check=True)
         installed = subprocess.run([python, "-m", "pip", "install", "--quiet", JAX, *PACKAGES], check=False)
         if installed.returncode != 0:
-            sys.exit(f"{JAX}, {', '.join(PACKAGES)} could not be installed: nothing is compared")
+            print(f"{JAX}, {', '.join(PACKAGES)} could not be installed: nothing is compared", file=sys.stderr)
+            sys.exit(2)
         made.touch()
     if pathlib.Path(sys.prefix) != FOLDER / "venv":
         os.execv(python, [python, *sys.argv])

@@ -18,7 +18,8 @@ def enter(folder, packages):
         subprocess.run([sys.executable, "-m", "venv", folder / "venv"], check=True)
     for what in (packages, ["--no-deps", "--force-reinstall", str(ROOT)]):
         if subprocess.run([python, "-m", "pip", "install", "--quiet", *what], check=False).returncode != 0:
-            sys.exit(f"{', '.join(what)} could not be installed: nothing is compared")
+            print(f"{', '.join(what)} could not be installed: nothing is compared", file=sys.stderr)
+            sys.exit(2)
     threads = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "RAYON_NUM_THREADS": "1"}
     os.execve(python, [python, *sys.argv], os.environ | threads)
 

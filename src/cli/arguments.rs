@@ -312,17 +312,18 @@ pub struct Train {
     /// The kind of network [default: the scene's, or that of the recipe].
     #[arg(long, value_parser = architectures())]
     pub architecture: Option<String>,
-    /// Turned kicks of ψ_ε and their neurons, of a gyroceptron in normal form, such as 12x8.
-    #[arg(long, value_name = "LAYERSxWIDTH[^DEGREE]")]
+    /// Turned kicks of ψ_ε and their neurons, of a gyroceptron in normal form, such as 12x8; 12x8:arctan has neurons of
+    /// arctan in place of tanh, of which a step takes half the time (so of all sizes here).
+    #[arg(long, value_name = "LAYERSxWIDTH[:arctan|^DEGREE]")]
     pub kicks: Option<String>,
     /// Twist shears of T_ε and their neurons, of a gyroceptron in normal form, such as 16x8, or
     /// 20x2,10: 2 where they change positions, beside a quadratic form, and 10 where momenta.
-    #[arg(long, value_name = "LAYERSxWIDTH[,WIDTH][^DEGREE]")]
+    #[arg(long, value_name = "LAYERSxWIDTH[,WIDTH][:arctan|^DEGREE]")]
     pub twists: Option<String>,
     /// Turned twists of T_ε and their neurons, of a gyroceptron in normal form, such as 12x8: for slow
     /// motion whose average is no sum of a function of positions and one of momenta. With
     /// these alone given, there are no others.
-    #[arg(long, value_name = "LAYERSxWIDTH[^DEGREE]")]
+    #[arg(long, value_name = "LAYERSxWIDTH[:arctan|^DEGREE]")]
     pub turned_twists: Option<String>,
     /// The flow time h of the model. With ε it scales T_ε of a gyroceptron in normal form, I_ε of one of couplings
     /// [default: how far the slow coordinates move, over ε]; pairs with flow times of
@@ -339,17 +340,17 @@ pub struct Train {
     #[arg(long, value_name = "HALF")]
     pub reversor: Option<String>,
     /// Layers and neurons of ψ, such as 10x8.
-    #[arg(long, value_name = "LAYERSxWIDTH[^DEGREE]")]
+    #[arg(long, value_name = "LAYERSxWIDTH[:arctan|^DEGREE]")]
     pub psi: Option<String>,
     /// Layers and neurons of I_ε, such as 10x8.
-    #[arg(long, value_name = "LAYERSxWIDTH[^DEGREE]")]
+    #[arg(long, value_name = "LAYERSxWIDTH[:arctan|^DEGREE]")]
     pub near_identity: Option<String>,
     /// Turned kicks of a normal form that is nearly integrable, and their neurons: ε scales them
     /// alone. Give --epsilon of the perturbation; 0x8 is an integrable map.
-    #[arg(long, value_name = "KICKSxWIDTH[^DEGREE]")]
+    #[arg(long, value_name = "KICKSxWIDTH[:arctan|^DEGREE]")]
     pub perturbation: Option<String>,
     /// Layers and neurons of a HénonNet; linear modules and their shears of a SympNet.
-    #[arg(long, value_name = "LAYERSxWIDTH[^DEGREE]")]
+    #[arg(long, value_name = "LAYERSxWIDTH[:arctan|^DEGREE]")]
     pub layers: Option<String>,
     /// What minimises the loss [default: the scene's, or that of the recipe].
     #[arg(long, value_enum)]

@@ -11,9 +11,10 @@ use crate::system::Hamiltonian;
 #[derive(Clone, Debug)]
 pub struct GaussLegendre {
     pub(super) nodes: Vec<f64>,
-    pub(super) weights: Vec<f64>,
+    /// b_i, one for each stage.
+    pub weights: Vec<f64>,
     /// a_ij, row by row.
-    pub(super) matrix: Vec<f64>,
+    pub matrix: Vec<f64>,
 }
 
 /// P_s(x) and P_s′(x).

@@ -44,10 +44,10 @@ const FEWEST_POINTS: usize = 120;
 const MOST_POINTS: usize = 2000;
 /// By how much more each time.
 const GROWTH: f64 = 1.5;
-/// The angle of a map is a whole part of a turn to within this, …
+/// So many angles of a map are whole turns to within this, …
 const WHOLE: f64 = 1e-9;
-/// … of at most so many.
-const MOST_PARTS: f64 = 100.0;
+/// … at most so many: of three periods of a machine that has ten, ten.
+const MOST_PARTS: usize = 100;
 /// A map errs by less than what it differs from one of half as many steps by over this, a fourth of 2⁸.
 const STEPS_GAIN: f64 = 64.0;
 /// Steps of a map that find the axis.
@@ -74,9 +74,9 @@ impl LineSection {
         let LineRequest { phi, angle, .. } = request;
         // Turned by the angle of a map, coils have to be the same point by point: else the area form at the end
         // of the map is another one than at its beginning, and lines drift.
-        let parts = (TAU / angle).round();
-        let whole = (TAU / angle - parts).abs() <= WHOLE * parts && parts <= MOST_PARTS;
-        let parts = if whole { parts as usize } else { 1 };
+        let is_whole = |turns: f64| (turns - turns.round()).abs() <= WHOLE * turns;
+        let parts = (1..=MOST_PARTS).find(|parts| is_whole(*parts as f64 * angle / TAU));
+        let parts = parts.unwrap_or(1);
         let symmetric = |points: usize| points.next_multiple_of(parts);
         let mut points = symmetric(FEWEST_POINTS.max(2 * modes));
         let mut field = CoilField::new(coils, points)?;

@@ -18,9 +18,12 @@ pub struct Splitting {
     pub name: &'static str,
     /// The order in h.
     pub order: usize,
-    stages: usize,
-    a: &'static [f64],
-    b: &'static [f64],
+    /// The number of flows of B in a step.
+    pub stages: usize,
+    /// a_0, a_1, … of the flows of A, up to the middle of the step: the others are those, backwards.
+    pub a: &'static [f64],
+    /// b_0, b_1, … of the flows of B, up to the middle of the step.
+    pub b: &'static [f64],
 }
 
 impl Splitting {

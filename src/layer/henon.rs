@@ -1,6 +1,6 @@
 //! The Hénon map, and the Hénon layer as four kicks.
 
-use super::{Kick, Potential, TanhPotential};
+use super::{Kick, NeuronPotential, Potential};
 use crate::phase::{Half, Map};
 use crate::scalar::{Over, Scalar};
 
@@ -22,7 +22,7 @@ pub const fn layer_parameter_count(dof: usize, width: usize) -> usize {
 /// Source: Burby, Tang and Maulik, <https://doi.org/10.1088/1361-6587/abcbaa>, after Hénon,
 /// <https://doi.org/10.1007/BF01608556>.
 #[derive(Clone, Copy, Debug)]
-pub struct HenonMap<'a, P, V = TanhPotential<'a, P>> {
+pub struct HenonMap<'a, P, V = NeuronPotential<'a, P>> {
     /// The potential V of y.
     pub potential: V,
     /// The translation η of x, n numbers.
@@ -114,7 +114,7 @@ impl KickForm {
 /// Source: Burby, Tang and Maulik, <https://doi.org/10.1088/1361-6587/abcbaa>; for the approximation
 /// of every symplectic map by such layers, Turaev, <https://doi.org/10.1088/0951-7715/16/1/308>.
 #[derive(Clone, Copy, Debug)]
-pub struct HenonLayer<'a, P, V = TanhPotential<'a, P>> {
+pub struct HenonLayer<'a, P, V = NeuronPotential<'a, P>> {
     /// The potential V of y.
     pub potential: V,
     /// The translation η of x, n numbers.
@@ -133,7 +133,7 @@ impl<'a, P: Scalar> HenonLayer<'a, P> {
     pub fn new(dof: usize, width: usize, epsilon: P, parameters: &'a [P]) -> Self {
         let (potential, eta) = parameters.split_at(width * (dof + 2));
         assert!(eta.len() == dof);
-        Self { potential: TanhPotential::new(dof, width, potential), eta, epsilon }
+        Self { potential: NeuronPotential::new(dof, width, potential), eta, epsilon }
     }
 }
 

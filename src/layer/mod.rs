@@ -3,8 +3,8 @@
 //! - [`ElementaryMap`]: a step of a network, with its forward map, inverse, pullback and
 //!   derivative along directions. Each kind of step has one file:
 //! - [`Kick`]: one half of the coordinates is moved by the gradient of a
-//!   [`Potential`] of the other half; [`TanhPotential`] is the one with a hidden
-//!   layer, [`PolynomialPotential`] one of polynomials over a box, [`RidgePotential`] either.
+//!   [`Potential`] of the other half; [`NeuronPotential`] is the one with a hidden
+//!   layer of [neurons](Neuron) of tanh or arctan, [`PolynomialPotential`] one of polynomials over a box, [`RidgePotential`] either.
 //! - [`Turn`], [`TurnStep`]: each plane rotated by its angle, as three shears per
 //!   plane; [`CircleAction`] and [`TorusAction`] define which planes rotate together, by an angle in
 //!   radians or by a [`TurnFraction`], whose sums are exact.
@@ -45,7 +45,7 @@ pub use henon::{HenonLayer, HenonMap, KickForm, layer_parameter_count};
 pub use kick::Kick;
 pub use linear_module::{LinearModule, linear_module_parameter_count};
 pub use polynomial::{ActionInterval, PolynomialPotential};
-pub use potential::{Potential, TanhPotential};
+pub use potential::{Neuron, NeuronPotential, Potential};
 pub(crate) use quadratic_form::symmetric_len;
 pub use reversor::{Reflection, Reversor};
 pub use ridge::{MOST_DEGREES, RidgeFunction, RidgePotential, Ridges};

@@ -2,6 +2,7 @@
 
 use super::unrolled::{for_neurons, in_registers};
 use crate::scalar::{Over, Pack, Scalar, WIDTH};
+use serde::{Deserialize, Serialize};
 
 /// A potential V: ℝⁿ → ℝ, seen through its gradient.
 ///
@@ -14,21 +15,58 @@ pub trait Potential<S: Scalar> {
     fn gradient(&self, y: &[S], out: &mut [S]);
 }
 
-/// V(y) = w·tanh(Wᵀy + b): one hidden layer of h neurons (the paper's V\[W\]).
+/// The activation σ of the neurons of a potential.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Neuron {
+    /// tanh, that of the paper.
+    #[default]
+    Tanh,
+    /// arctan. Its slope 1/(1 + x²) needs no exponential, so that it takes about half as long; it is bounded and
+    /// analytic too.
+    Arctan,
+}
+
+impl Neuron {
+    /// Its name in files and options.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Tanh => "tanh",
+            Self::Arctan => "arctan",
+        }
+    }
+
+    /// The neuron of a name, if there is one.
+    pub fn named(name: &str) -> Option<Self> {
+        [Self::Tanh, Self::Arctan].into_iter().find(|neuron| neuron.name() == name)
+    }
+
+    /// (t, s) at K numbers: the slope s = σ′(x), and t such that s′ = −2ts.
+    #[inline(always)]
+    pub(crate) fn slopes<S: Scalar, const K: usize>(self, x: [S; K]) -> ([S; K], [S; K]) {
+        match self {
+            Self::Tanh => S::tanh_sech2_each(x),
+            Self::Arctan => S::lorentzian_each(x),
+        }
+    }
+}
+
+/// V(y) = w·σ(Wᵀy + b): one hidden layer of h neurons; with σ = tanh the paper's V\[W\].
 ///
-/// ∇V(y) = W(w ⊙ sech²(Wᵀy + b)). There is no output bias, since it would not affect
+/// ∇V(y) = W(w ⊙ σ′(Wᵀy + b)). There is no output bias, since it would not affect
 /// the gradient. `D` fixes n at compile time where the caller knows it; `D = 0`
 /// takes n from the arguments.
 #[derive(Clone, Copy, Debug)]
-pub struct TanhPotential<'a, P, const D: usize = 0> {
+pub struct NeuronPotential<'a, P, const D: usize = 0> {
     dof: usize,
     w_in: &'a [P],
     b_in: &'a [P],
     w_out: &'a [P],
+    neuron: Neuron,
 }
 
-impl<'a, P: Copy, const D: usize> TanhPotential<'a, P, D> {
-    /// A view of the parameters `[W (n × h, row by row), b (h), w (h)]`.
+impl<'a, P: Copy, const D: usize> NeuronPotential<'a, P, D> {
+    /// A view of the parameters `[W (n × h, row by row), b (h), w (h)]` of neurons of tanh.
     ///
     /// # Panics
     /// When `parameters` does not hold `width·(dof + 2)` numbers, or `D` is
@@ -39,7 +77,20 @@ impl<'a, P: Copy, const D: usize> TanhPotential<'a, P, D> {
         let (w_in, rest) = parameters.split_at(dof * width);
         let (b_in, w_out) = rest.split_at(width);
         assert!(w_out.len() == width);
-        Self { dof, w_in, b_in, w_out }
+        Self { dof, w_in, b_in, w_out, neuron: Neuron::Tanh }
+    }
+
+    /// The potential of the same numbers with neurons of this activation.
+    #[inline(always)]
+    #[must_use]
+    pub fn with_neurons(self, neuron: Neuron) -> Self {
+        Self { neuron, ..self }
+    }
+
+    /// The activation of its neurons.
+    #[inline(always)]
+    pub fn neuron(&self) -> Neuron {
+        self.neuron
     }
 
     /// n, a constant where `D` is.
@@ -88,11 +139,11 @@ impl<'a, P: Copy, const D: usize> TanhPotential<'a, P, D> {
     #[inline(always)]
     fn add_gradient<S: Over<P>, const K: usize>(&self, j: usize, y: &[S], out: &mut [S]) {
         let neurons = self.neurons::<K>(j);
-        let (_, s) = S::tanh_sech2_each(neurons.preactivations(y));
+        let (_, s) = self.neuron.slopes(neurons.preactivations(y));
         neurons.accumulate(s, out);
     }
 
-    /// out += the K neurons' part of ∇V, keeping (tanh, sech²) of each on the tape.
+    /// out += the K neurons' part of ∇V, keeping (t, s) of each on the tape.
     #[inline(always)]
     fn add_gradient_recording<S: Over<P>, const K: usize>(
         &self,
@@ -103,7 +154,7 @@ impl<'a, P: Copy, const D: usize> TanhPotential<'a, P, D> {
     ) {
         let neurons = self.neurons::<K>(j);
         let tape = &mut tape[2 * j..2 * (j + K)];
-        let (t, s) = S::tanh_sech2_each(neurons.preactivations(y));
+        let (t, s) = self.neuron.slopes(neurons.preactivations(y));
         for k in 0..K {
             tape[2 * k] = t[k];
             tape[2 * k + 1] = s[k];
@@ -140,7 +191,7 @@ impl<'a, P: Copy, const D: usize> TanhPotential<'a, P, D> {
             }
             for_neurons!(self.width(), j, K => {
                 let neurons = self.neurons::<K>(j);
-                let (t, s) = S::tanh_sech2_each(neurons.preactivations(y));
+                let (t, s) = self.neuron.slopes(neurons.preactivations(y));
                 neurons.accumulate(s, out);
                 for k in 0..K {
                     let d = S::from_f64(-2.0) * t[k] * s[k].times(neurons.w_out[k]);
@@ -241,7 +292,7 @@ impl<'a, P: Copy, const K: usize, const D: usize> Neurons<'a, P, K, D> {
     }
 }
 
-impl<P: Scalar, const D: usize> TanhPotential<'_, P, D> {
+impl<P: Scalar, const D: usize> NeuronPotential<'_, P, D> {
     /// ∇V at one point, with a neuron in each of the four lanes: the same bits as
     /// [`Potential::gradient`].
     #[inline(always)]
@@ -256,7 +307,8 @@ impl<P: Scalar, const D: usize> TanhPotential<'_, P, D> {
                 for (i, &y) in y.iter().enumerate() {
                     z = V::splat(y).mul_add(V::load_part(neurons.row(i)), z);
                 }
-                let mut c = z.sech2() * V::load_part(neurons.w_out);
+                let (_, [s]) = self.neuron.slopes([z]);
+                let mut c = s * V::load_part(neurons.w_out);
                 if K < V::LANES {
                     // Lanes without a neuron would leave a NaN where y is infinite, and
                     // +0 where the sum is −0.
@@ -275,7 +327,7 @@ impl<P: Scalar, const D: usize> TanhPotential<'_, P, D> {
     }
 }
 
-impl<P: Copy, S: Over<P>, const D: usize> Potential<S> for TanhPotential<'_, P, D> {
+impl<P: Copy, S: Over<P>, const D: usize> Potential<S> for NeuronPotential<'_, P, D> {
     #[inline(always)]
     fn dof(&self) -> usize {
         self.n()
@@ -287,9 +339,9 @@ impl<P: Copy, S: Over<P>, const D: usize> Potential<S> for TanhPotential<'_, P, 
     }
 }
 
-impl<P: Copy, const D: usize> TanhPotential<'_, P, D> {
-    /// How many numbers [`TanhPotential::gradient_recording`] leaves for
-    /// [`TanhPotential::vjp`].
+impl<P: Copy, const D: usize> NeuronPotential<'_, P, D> {
+    /// How many numbers [`NeuronPotential::gradient_recording`] leaves for
+    /// [`NeuronPotential::vjp`].
     #[inline(always)]
     pub(super) fn tape_len(&self) -> usize {
         2 * self.width()
@@ -302,7 +354,7 @@ impl<P: Copy, const D: usize> TanhPotential<'_, P, D> {
     }
 }
 
-impl<P: Scalar, const D: usize> TanhPotential<'_, P, D> {
+impl<P: Scalar, const D: usize> NeuronPotential<'_, P, D> {
     /// The adjoint of (y, parameters) ↦ ∇V(y): for the cotangent `u` of the
     /// gradient, `y_bar` ← V″(y)u and `parameters_bar` += ∂(u·∇V)/∂parameters.
     #[inline(always)]
@@ -349,7 +401,7 @@ impl<P: Scalar, const D: usize> TanhPotential<'_, P, D> {
         }
     }
 
-    /// [`TanhPotential::vjp`] at M points, for n known at compile time: the same
+    /// [`NeuronPotential::vjp`] at M points, for n known at compile time: the same
     /// bits as of one after another. What belongs to a neuron is loaded and stored
     /// once for all of them.
     #[inline(always)]

@@ -1,16 +1,15 @@
 //! Potentials that are sums of ridge functions, which are functions of linear forms.
 
 use super::polynomial::polynomial_parameter_count;
-use super::{ActionInterval, PolynomialPotential, Potential, TanhPotential};
+use super::{ActionInterval, Neuron, NeuronPotential, PolynomialPotential, Potential};
 use crate::error::Error;
 use crate::scalar::{Over, Pack, Scalar};
 
 /// The kind of the ridge functions v_k in a potential V(y) = Σ_k v_k(a_k·y).
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum RidgeFunction {
-    /// w tanh(x + b): bounded, so that orbits may leave the box of the data.
-    #[default]
-    Tanh,
+    /// w σ(x + b): bounded, so that orbits may leave the box of the data.
+    Neurons(Neuron),
     /// [Polynomials](PolynomialPotential) over a box, which take one multiplication per
     /// coefficient and no activation.
     Polynomial {
@@ -54,9 +53,22 @@ impl RidgeFunction {
         }
     }
 
+    /// Whether it is a polynomial.
+    #[inline(always)]
+    pub fn is_polynomial(self) -> bool {
+        matches!(self, Self::Polynomial { .. })
+    }
+
     /// Whether it has no box yet.
     pub fn is_unbounded(self) -> bool {
         matches!(self, Self::Polynomial { radius: f64::INFINITY, .. })
+    }
+}
+
+impl Default for RidgeFunction {
+    /// Neurons of tanh.
+    fn default() -> Self {
+        Self::Neurons(Neuron::Tanh)
     }
 }
 
@@ -74,17 +86,17 @@ impl Ridges {
     #[inline(always)]
     pub fn parameter_count(&self, arguments: usize) -> usize {
         match self.function {
-            RidgeFunction::Tanh => self.width.saturating_mul(arguments.saturating_add(2)),
+            RidgeFunction::Neurons(_) => self.width.saturating_mul(arguments.saturating_add(2)),
             RidgeFunction::Polynomial { degree, .. } => {
                 polynomial_parameter_count(arguments, self.width, degree)
             }
         }
     }
 
-    /// How many of its numbers a point is put through tanh for.
+    /// How many of its numbers a point is put through an activation for.
     #[inline(always)]
     pub(super) fn activation_count(&self) -> usize {
-        if self.function == RidgeFunction::Tanh { self.width } else { 0 }
+        if self.function.is_polynomial() { 0 } else { self.width }
     }
 }
 
@@ -94,7 +106,7 @@ impl Ridges {
 #[derive(Clone, Copy, Debug)]
 pub enum RidgePotential<'a, P, const D: usize = 0> {
     /// Neurons.
-    Tanh(TanhPotential<'a, P, D>),
+    Neurons(NeuronPotential<'a, P, D>),
     /// Polynomials.
     Polynomial(PolynomialPotential<'a, P>),
 }
@@ -115,7 +127,9 @@ impl<'a, P: Copy, const D: usize> RidgePotential<'a, P, D> {
     ) -> Self {
         let Ridges { width, function } = ridges;
         match function {
-            RidgeFunction::Tanh => Self::Tanh(TanhPotential::new(arguments, width, parameters)),
+            RidgeFunction::Neurons(neuron) => Self::Neurons(
+                NeuronPotential::new(arguments, width, parameters).with_neurons(neuron),
+            ),
             RidgeFunction::Polynomial { .. } if D > 0 => never(),
             RidgeFunction::Polynomial { degree, radius } => Self::Polynomial(
                 PolynomialPotential::new(arguments, [width, degree], radius, actions, parameters),
@@ -127,7 +141,7 @@ impl<'a, P: Copy, const D: usize> RidgePotential<'a, P, D> {
     pub(super) fn n(&self) -> usize {
         match self {
             _ if D > 0 => D,
-            Self::Tanh(tanh) => tanh.n(),
+            Self::Neurons(neurons) => neurons.n(),
             Self::Polynomial(of) => of.n(),
         }
     }
@@ -136,7 +150,7 @@ impl<'a, P: Copy, const D: usize> RidgePotential<'a, P, D> {
     #[inline(always)]
     pub(super) fn parameter_count(&self) -> usize {
         match self {
-            Self::Tanh(tanh) => tanh.width() * (tanh.n() + 2),
+            Self::Neurons(neurons) => neurons.width() * (neurons.n() + 2),
             Self::Polynomial(of) => of.weights()[0].len() + of.weights()[1].len(),
         }
     }
@@ -146,7 +160,7 @@ impl<'a, P: Copy, const D: usize> RidgePotential<'a, P, D> {
     #[inline(always)]
     pub(super) fn tape_len(&self) -> usize {
         match self {
-            Self::Tanh(tanh) => tanh.tape_len(),
+            Self::Neurons(neurons) => neurons.tape_len(),
             Self::Polynomial(of) => 2 * of.width(),
         }
     }
@@ -154,18 +168,18 @@ impl<'a, P: Copy, const D: usize> RidgePotential<'a, P, D> {
     #[inline(always)]
     pub(super) fn activation_count(&self) -> usize {
         match self {
-            Self::Tanh(tanh) => tanh.width(),
+            Self::Neurons(neurons) => neurons.width(),
             Self::Polynomial(_) => 0,
         }
     }
 
-    /// How far a polynomial's arguments are from 0: more than 1 outside its box; 0 of tanh.
+    /// How far a polynomial's arguments are from 0: more than 1 outside its box; 0 of neurons.
     pub(super) fn reach(&self, y: &[f64]) -> f64
     where
         f64: Over<P>,
     {
         match self {
-            Self::Tanh(_) => 0.0,
+            Self::Neurons(_) => 0.0,
             Self::Polynomial(of) => of.reach(y),
         }
     }
@@ -174,7 +188,7 @@ impl<'a, P: Copy, const D: usize> RidgePotential<'a, P, D> {
     #[inline(always)]
     pub(super) fn gradient_recording<S: Over<P>>(&self, y: &[S], out: &mut [S], tape: &mut [S]) {
         match self {
-            Self::Tanh(tanh) => tanh.gradient_recording(y, out, tape),
+            Self::Neurons(neurons) => neurons.gradient_recording(y, out, tape),
             Self::Polynomial(of) if D == 0 => of.gradient_recording(y, out, tape),
             Self::Polynomial(_) => never(),
         }
@@ -189,7 +203,7 @@ impl<'a, P: Copy, const D: usize> RidgePotential<'a, P, D> {
         hessian: &mut [S],
     ) {
         match self {
-            Self::Tanh(tanh) => tanh.gradient_and_hessian(y, out, hessian),
+            Self::Neurons(neurons) => neurons.gradient_and_hessian(y, out, hessian),
             Self::Polynomial(of) if D == 0 => of.gradient_and_hessian(y, out, hessian),
             Self::Polynomial(_) => never(),
         }
@@ -205,7 +219,7 @@ impl<P: Scalar, const D: usize> RidgePotential<'_, P, D> {
         P: Over<P>,
     {
         match self {
-            Self::Tanh(tanh) => tanh.gradient_across::<V>(y, out),
+            Self::Neurons(neurons) => neurons.gradient_across::<V>(y, out),
             Self::Polynomial(of) if D == 0 => of.gradient(y, out),
             Self::Polynomial(_) => never(),
         }
@@ -223,7 +237,7 @@ impl<P: Scalar, const D: usize> RidgePotential<'_, P, D> {
         parameters_bar: &mut [S],
     ) {
         match self {
-            Self::Tanh(tanh) => tanh.vjp(y, tape, u, y_bar, parameters_bar),
+            Self::Neurons(neurons) => neurons.vjp(y, tape, u, y_bar, parameters_bar),
             Self::Polynomial(of) if D == 0 => of.vjp(y, tape, u, y_bar, parameters_bar),
             Self::Polynomial(_) => never(),
         }
@@ -241,15 +255,15 @@ impl<P: Scalar, const D: usize> RidgePotential<'_, P, D> {
         parameters_bar: &mut [S],
     ) {
         match self {
-            Self::Tanh(tanh) => tanh.vjp_together(y, tapes, u, y_bar, parameters_bar),
+            Self::Neurons(neurons) => neurons.vjp_together(y, tapes, u, y_bar, parameters_bar),
             Self::Polynomial(_) => never(),
         }
     }
 }
 
-impl<'a, P, const D: usize> From<TanhPotential<'a, P, D>> for RidgePotential<'a, P, D> {
-    fn from(tanh: TanhPotential<'a, P, D>) -> Self {
-        Self::Tanh(tanh)
+impl<'a, P, const D: usize> From<NeuronPotential<'a, P, D>> for RidgePotential<'a, P, D> {
+    fn from(neurons: NeuronPotential<'a, P, D>) -> Self {
+        Self::Neurons(neurons)
     }
 }
 
@@ -268,7 +282,7 @@ impl<P: Copy, S: Over<P>, const D: usize> Potential<S> for RidgePotential<'_, P,
     #[inline(always)]
     fn gradient(&self, y: &[S], out: &mut [S]) {
         match self {
-            Self::Tanh(tanh) => tanh.gradient(y, out),
+            Self::Neurons(neurons) => neurons.gradient(y, out),
             Self::Polynomial(of) if D == 0 => of.gradient(y, out),
             Self::Polynomial(_) => never(),
         }

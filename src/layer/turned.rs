@@ -61,7 +61,7 @@ impl<P: Scalar, const D: usize> OfMomenta<P> for Kick<'_, P, RidgePotential<'_, 
                 let (series, inverse_radius) = of.of_one_coordinate()?;
                 Some(PlaneKick { series, inverse_radius, scale: self.scale })
             }
-            RidgePotential::Tanh(_) => None,
+            RidgePotential::Neurons(_) => None,
         }
     }
 }

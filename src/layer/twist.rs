@@ -169,7 +169,7 @@ impl RidgeFunction {
     /// The parameters of the quadratic form beside a shear's ridge functions in so many
     /// arguments: only the first, the third and so on have one, and none of polynomials.
     pub(crate) fn form_len(self, number: usize, arguments: usize) -> usize {
-        let has_form = self == Self::Tanh && number.is_multiple_of(2);
+        let has_form = !self.is_polynomial() && number.is_multiple_of(2);
         if has_form { symmetric_len(arguments) } else { 0 }
     }
 }
@@ -177,19 +177,19 @@ impl RidgeFunction {
 impl TwistShears {
     /// Shears with these numbers of neurons.
     pub fn new(planes: FastPlanes, widths: &[usize]) -> Self {
-        Self::of(planes, widths, RidgeFunction::Tanh, false)
+        Self::of(planes, widths, RidgeFunction::default(), false)
     }
 
     /// Turned shears with these numbers of neurons.
     pub fn turned(planes: FastPlanes, widths: &[usize]) -> Self {
-        Self::of(planes, widths, RidgeFunction::Tanh, true)
+        Self::of(planes, widths, RidgeFunction::default(), true)
     }
 
     /// Shears with these numbers of ridge functions, turned or not. Polynomials come without a
     /// quadratic form, since that is a polynomial too.
     pub fn of(planes: FastPlanes, widths: &[usize], function: RidgeFunction, turned: bool) -> Self {
         let intervals = match function {
-            RidgeFunction::Tanh => Vec::new(),
+            RidgeFunction::Neurons(_) => Vec::new(),
             RidgeFunction::Polynomial { radius, .. } => planes.intervals(radius),
         };
         let (mut neurons, mut begins) = (vec![0_usize], vec![0_usize]);
@@ -586,7 +586,7 @@ impl<P: Scalar, const D: usize> ElementaryMap<P> for Twist<'_, P, D> {
     where
         f64: Over<P>,
     {
-        if self.is_identity() || self.shears.function == RidgeFunction::Tanh {
+        if self.is_identity() || !self.shears.function.is_polynomial() {
             return 0.0;
         }
         let (d, mut z) = (self.arguments(), z.to_vec());

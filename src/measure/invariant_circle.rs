@@ -11,6 +11,8 @@ use std::f64::consts::TAU;
 ///
 /// It is fitted to an orbit by least squares, so that where the orbit is on a smooth curve its error falls faster than
 /// any power of the number of modes.
+///
+/// Source: Jorba, <https://doi.org/10.1088/0951-7715/14/5/303>, for invariant curves as Fourier series.
 #[derive(Clone, Debug, PartialEq)]
 pub struct InvariantCircle {
     /// ν, in turns per map.

@@ -34,7 +34,7 @@ impl<'a> Visitor<'a, f64> for AsMeasured {
     ) -> MeasuredSteps<'a> {
         let (turn, kick) = turned.turn_and_kick();
         match kick.potential {
-            RidgePotential::Tanh(_) => self.visit(turned),
+            RidgePotential::Neurons(_) => self.visit(turned),
             RidgePotential::Polynomial(_) if kick.is_identity() => Vec::new(),
             RidgePotential::Polynomial(_) => {
                 let mut steps = turn_steps(turn, Direction::Forward);

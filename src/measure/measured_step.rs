@@ -5,8 +5,8 @@
 //! part by part. A new kind of step needs nothing here, unless it saturates, as couplings do.
 
 use crate::layer::{
-    ElementaryMap, HenonMap, Kick, PolynomialPotential, Potential, RidgePotential, TanhPotential,
-    Turn, quarter_turns,
+    ElementaryMap, HenonMap, Kick, Neuron, NeuronPotential, PolynomialPotential, Potential,
+    RidgePotential, Turn, quarter_turns,
 };
 use crate::phase::{Direction, Half, Map};
 use crate::scalar::{Dual, Elementary, Over, Scalar, Tracked, max_or_nan, scales};
@@ -66,14 +66,14 @@ pub trait Magnitudes {
     fn curvature_magnitude(&self, y: &[f64], spread: &[f64], out: &mut [f64]);
 }
 
-impl<const D: usize> Magnitudes for TanhPotential<'_, f64, D> {
+impl<const D: usize> Magnitudes for NeuronPotential<'_, f64, D> {
     /// |W||D||Wᵀ| with D = diag(2 w s t), the diagonal of second derivatives.
     fn hessian_magnitude(&self, y: &[f64], out: &mut [f64]) {
         let [w_in, _, w_out] = self.weights();
         let (n, h) = (y.len(), w_out.len());
         out.fill(0.0);
         for j in 0..h {
-            let (t, s) = self.preactivation(j, y).tanh_sech2();
+            let ([t], [s]) = self.neuron().slopes([self.preactivation(j, y)]);
             let d = ((2.0 * t.abs() * s + f64::MIN_POSITIVE) * w_out[j]).abs();
             for i in 0..n {
                 let row = w_in[i * h + j].abs();
@@ -91,7 +91,7 @@ impl<const D: usize> Magnitudes for TanhPotential<'_, f64, D> {
         let (n, h) = (y.len(), w_out.len());
         out.fill(0.0);
         for j in 0..h {
-            let (t, s) = self.preactivation(j, y).tanh_sech2();
+            let ([t], [s]) = self.neuron().slopes([self.preactivation(j, y)]);
             let mut reach = b_in[j].abs();
             for i in 0..n {
                 reach = w_in[i * h + j].abs().mul_add(y[i].abs(), reach);
@@ -106,9 +106,9 @@ impl<const D: usize> Magnitudes for TanhPotential<'_, f64, D> {
         }
     }
 
-    /// |W|(|w| ⊙ c·min(d², 1 + d)) with d = |W|ᵀ·spread and c = min(1, 8e^{−2|a|})
-    /// a bound of ½|(sech²)″|, |(sech²)′| and sech² next to the preactivation a,
-    /// for errors up to a hundred times what they are taken for.
+    /// |W|(|w| ⊙ c·min(d², 1 + d)) with d = |W|ᵀ·spread and c a bound of ½|s″|, |s′| and s next to the
+    /// preactivation a, for errors up to a hundred times what they are taken for: min(1, 8e^{−2|a|}) of
+    /// tanh, and min(1, 3/(1 + a²)) of arctan, where ½|s″| ≤ 3s² and |s′| = 2|a|s² ≤ s.
     fn curvature_magnitude(&self, y: &[f64], spread: &[f64], out: &mut [f64]) {
         let [w_in, _, w_out] = self.weights();
         let (n, h) = (y.len(), w_out.len());
@@ -119,7 +119,11 @@ impl<const D: usize> Magnitudes for TanhPotential<'_, f64, D> {
                 d = w_in[i * h + j].abs().mul_add(spread[i].abs(), d);
             }
             let nearest = self.preactivation(j, y).abs() - ROOM * d;
-            let tail = 8.0 * Elementary::exp(-2.0 * nearest);
+            let tail = match self.neuron() {
+                Neuron::Tanh => 8.0 * Elementary::exp(-2.0 * nearest),
+                Neuron::Arctan if nearest > 0.0 => 3.0 * nearest.lorentzian().1,
+                Neuron::Arctan => 1.0,
+            };
             let bend = at_most(1.0, tail) * at_most(1.0 + d, d * d);
             let weight = w_out[j].abs() * bend;
             for i in 0..n {
@@ -178,7 +182,7 @@ macro_rules! with_own_magnitudes {
     };
 }
 
-with_own_magnitudes!([const D: usize] TanhPotential<'_, f64, D>);
+with_own_magnitudes!([const D: usize] NeuronPotential<'_, f64, D>);
 
 impl Magnitudes for PolynomialPotential<'_, f64> {
     /// ρ Σ_k |a_k||f_k′||a_k|ᵀ with a = ∂s/∂y, f = P′: an error of f′ itself leaves a shear a shear.
@@ -233,7 +237,7 @@ impl<const D: usize> MeasuredPotential for RidgePotential<'_, f64, D> {
         Self: 'a,
     {
         match kick.potential {
-            Self::Tanh(tanh) => TanhPotential::measured_kick(kick.with_potential(tanh)),
+            Self::Neurons(neurons) => NeuronPotential::measured_kick(kick.with_potential(neurons)),
             Self::Polynomial(of) => PolynomialPotential::measured_kick(kick.with_potential(of)),
         }
     }

@@ -1,7 +1,7 @@
 //! I₀ = Id, and the size and derivative of I_ε − Id.
 
 use super::stopping::until_stopped;
-use crate::layer::{RidgeFunction, Ridges};
+use crate::layer::{Neuron, RidgeFunction, Ridges};
 use crate::network::{Layers, Model};
 use crate::phase::Map;
 use crate::scalar::{Dual, Over, Scalar, max_or_nan};
@@ -58,7 +58,7 @@ fn largest_change(points: &[f64], dim: usize, f: impl Fn(&mut [f64])) -> f64 {
 /// G₁ = −Σ_layers [V(y) + V(−y−η) + V(−x) + V(x−η)] with (x, y) = (q, p). The sum is over the
 /// Hénon layers that ε scales; a layer that the flow time scales too has it as a factor.
 ///
-/// G₁ is evaluated with V(y) = w·tanh(Wᵀy + b), or ρ Σ_k ∫c_k for polynomials, directly from the
+/// G₁ is evaluated with V(y) = w·σ(Wᵀy + b), or ρ Σ_k ∫c_k for polynomials, directly from the
 /// flat parameters, and differentiated by dual numbers: the gradient code of the kicks is not
 /// used. Cost: 2n evaluations of G₁.
 pub fn near_identity_generator(network: &Model, z: &[f64], out: &mut [f64]) {
@@ -101,13 +101,13 @@ pub fn near_identity_generator(network: &Model, z: &[f64], out: &mut [f64]) {
     }
 }
 
-/// V(y), a number: w·tanh(Wᵀy + b) of neurons, ρ Σ_k ∫c_k(Wᵀy/ρ)_k of polynomials, with
+/// V(y), a number: w·σ(Wᵀy + b) of neurons, ρ Σ_k ∫c_k(Wᵀy/ρ)_k of polynomials, with
 /// ∫T_m = ½(T_{m+1}/(m + 1) − T_{m−1}/(m − 1)).
 fn literal_potential<S: Over<f64>>(ridges: Ridges, weights: &[f64], y: &[S]) -> S {
     let (n, h) = (y.len(), ridges.width);
     let mut value = S::zero();
     match ridges.function {
-        RidgeFunction::Tanh => {
+        RidgeFunction::Neurons(neuron) => {
             let (w_in, rest) = weights.split_at(n * h);
             let (b_in, w_out) = rest.split_at(h);
             for j in 0..h {
@@ -115,7 +115,11 @@ fn literal_potential<S: Over<f64>>(ridges: Ridges, weights: &[f64], y: &[S]) -> 
                 for i in 0..n {
                     argument = y[i].mul_add_parameter(w_in[i * h + j], argument);
                 }
-                value = argument.tanh().mul_add_parameter(w_out[j], value);
+                let activation = match neuron {
+                    Neuron::Tanh => argument.tanh(),
+                    Neuron::Arctan => argument.atan2(S::from_f64(1.0)),
+                };
+                value = activation.mul_add_parameter(w_out[j], value);
             }
         }
         RidgeFunction::Polynomial { radius, .. } => {

@@ -174,6 +174,8 @@ pub fn periodic_orbits(
 /// The finite-time Lyapunov exponent ln |Mv|/N of an orbit of N = `maps` maps, where M is their Jacobian and v the unit
 /// vector with equal components. It tends to the largest Lyapunov exponent as N → ∞.
 ///
+/// Source: Benettin, Galgani, Giorgilli and Strelcyn, <https://doi.org/10.1007/BF02128236>.
+///
 /// # Errors
 /// Those of the map; [`Error::CountOutOfRange`] of no map.
 pub fn lyapunov_exponent(map: WithJacobian<'_>, z: &[f64], maps: usize) -> Result<f64, Error> {

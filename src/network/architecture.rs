@@ -199,17 +199,17 @@ impl Architecture {
         self.blocks.iter().all(|block| block.layers.is_symplectic())
     }
 
-    /// Whether all of its layers are Hénon layers of neurons.
+    /// Whether all of its layers are Hénon layers of neurons of tanh, those of the paper.
     pub fn is_of_henon_layers(&self) -> bool {
         let is = |block: &Block| {
-            matches!(block.layers, Layers::Henon(_)) && block.ridges == RidgeFunction::Tanh
+            matches!(block.layers, Layers::Henon(_)) && block.ridges == RidgeFunction::default()
         };
         self.blocks.iter().all(is)
     }
 
     /// Whether some of its layers are of polynomials, which have a box.
     pub fn has_polynomials(&self) -> bool {
-        self.blocks.iter().any(|block| block.ridges != RidgeFunction::Tanh)
+        self.blocks.iter().any(|block| block.ridges.is_polynomial())
     }
 
     /// The architecture with this box for all polynomials without one: coordinates from −ρ to ρ, ρ = `radius`.

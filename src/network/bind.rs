@@ -3,8 +3,8 @@
 use super::composition::Composition;
 use super::step::{Kind, Step, Visitor};
 use crate::layer::{
-    ActivationModule, AffineCoupling, ElementaryMap, LinearModule, Reflection, RidgeFunction,
-    RidgePotential, TurnStep, TurnedCoupling, TurnedKick, Twist,
+    ActivationModule, AffineCoupling, ElementaryMap, LinearModule, Reflection, RidgePotential,
+    TurnStep, TurnedCoupling, TurnedKick, Twist,
 };
 use crate::scalar::Scalar;
 
@@ -33,7 +33,7 @@ impl<P: Scalar> Composition<P> {
                     }};
                 }
                 match self.dof() {
-                    _ if ridges.function != RidgeFunction::Tanh => visit!(0),
+                    _ if ridges.function.is_polynomial() => visit!(0),
                     1 if T::SPECIALISED => visit!(1),
                     2 if T::SPECIALISED => visit!(2),
                     3 if T::SPECIALISED => visit!(3),
@@ -54,7 +54,7 @@ impl<P: Scalar> Composition<P> {
                     }};
                 }
                 match self.dof() {
-                    _ if ridges.function != RidgeFunction::Tanh => visit!(0),
+                    _ if ridges.function.is_polynomial() => visit!(0),
                     2 if T::SPECIALISED => visit!(2),
                     3 if T::SPECIALISED => visit!(3),
                     _ => visit!(0),
@@ -84,7 +84,7 @@ impl<P: Scalar> Composition<P> {
                     }};
                 }
                 match shears.planes().arguments() {
-                    _ if shears.function() != RidgeFunction::Tanh => visit!(0),
+                    _ if shears.function().is_polynomial() => visit!(0),
                     2 if T::SPECIALISED => visit!(2),
                     _ => visit!(0),
                 }

@@ -5,7 +5,7 @@ use super::init::{InitialWeights, Law, inner_bound, outer_bound};
 use super::step::{Kind, Step};
 use crate::error::Error;
 use crate::layer::{
-    Activation, FastPlanes, KickForm, RidgeFunction, Ridges, TwistShears, symmetric_len,
+    Activation, FastPlanes, KickForm, Neuron, RidgeFunction, Ridges, TwistShears, symmetric_len,
 };
 use crate::phase::Half;
 use crate::random::Stream;
@@ -181,7 +181,7 @@ impl Tensor {
 fn potential(arguments: usize, ridges: Ridges) -> Vec<Tensor> {
     let width = ridges.width;
     match ridges.function {
-        RidgeFunction::Tanh => {
+        RidgeFunction::Neurons(_) => {
             let inner = Law::Uniform(inner_bound(arguments, width));
             vec![
                 Tensor::new("w_in", [arguments, width], inner),
@@ -453,7 +453,8 @@ struct Made {
 ///
 /// In TOML and JSON it is one table: `layer` (`henon`, `turned-kick`, `twist`, `turned-twist`,
 /// `turned-coupling`, `symp-net`), `widths` (a list, or `{ count, width }`, where `width` is one number or two that
-/// alternate) with `degree` and `radius` where its functions are polynomials, or for `symp-net` `modules`,
+/// alternate) with `degree` and `radius` where its functions are polynomials, or `activation = "arctan"` where its
+/// neurons are not of tanh, or for `symp-net` `modules`,
 /// `shears`, `activation`, `plain`; `part` (`conjugation`,
 /// `chart`, `slow-map`, `perturbation`, `near-identity` or `none`); `scale` (`none`, `epsilon`,
 /// `time`, `epsilon-time`; by default the usual one of the part); `name`, the prefix of the names of
@@ -477,7 +478,7 @@ pub struct Block {
 impl Block {
     /// A block of these layers for a part, with the usual name and scale of the part.
     pub fn new(part: Part, layers: Layers) -> Self {
-        let ridges = RidgeFunction::Tanh;
+        let ridges = RidgeFunction::default();
         Self { name: part.name().into(), part, scale: part.usual_scale(), layers, ridges }
     }
 
@@ -490,6 +491,11 @@ impl Block {
     pub fn of_polynomials(self, degree: usize) -> Self {
         let radius = f64::INFINITY;
         Self { ridges: RidgeFunction::Polynomial { degree, radius }, ..self }
+    }
+
+    /// The block with potentials of neurons of this activation.
+    pub fn of_neurons(self, neuron: Neuron) -> Self {
+        Self { ridges: RidgeFunction::Neurons(neuron), ..self }
     }
 
     /// The block with this box for its polynomials if they have none: coordinates from −ρ to ρ,
@@ -611,11 +617,16 @@ impl Block {
                 }
             }
         }
-        if self.ridges != RidgeFunction::Tanh {
-            if matches!(self.layers, Layers::TurnedCoupling(_) | Layers::SympNet(_)) {
-                let found = format!("polynomials in {}", self.layers.words());
-                return refused(&found, "kicks, Hénon layers or twists");
-            }
+        let has_potentials = !matches!(self.layers, Layers::TurnedCoupling(_) | Layers::SympNet(_));
+        if self.ridges != RidgeFunction::default() && !has_potentials {
+            let ridges = match self.ridges {
+                RidgeFunction::Neurons(neuron) => format!("neurons of {}", neuron.name()),
+                RidgeFunction::Polynomial { .. } => "polynomials".into(),
+            };
+            let found = format!("{ridges} in {}", self.layers.words());
+            return refused(&found, "kicks, Hénon layers or twists");
+        }
+        if self.ridges.is_polynomial() {
             let arguments = if self.layers.needs_circles() { of.arguments } else { of.dof };
             let wide = self.layers.widths().iter().find(|width| **width > 1);
             if let (Some(width), 1) = (wide, arguments) {
@@ -750,9 +761,37 @@ struct BlockTable {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     shears: Option<usize>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    activation: Option<Activation>,
+    activation: Option<ActivationName>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     plain: Option<bool>,
+}
+
+/// The activation of neurons, or of the modules of a SympNet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(untagged, expecting = "sigmoid, tanh or sech2 of a SympNet, tanh or arctan of neurons")]
+enum ActivationName {
+    Module(Activation),
+    Neurons(Neuron),
+}
+
+impl ActivationName {
+    /// That of a SympNet, or what it is.
+    fn of_module(self) -> Result<Activation, &'static str> {
+        match self {
+            Self::Module(activation) => Ok(activation),
+            Self::Neurons(neuron) => Err(neuron.name()),
+        }
+    }
+
+    /// That of neurons, or what it is.
+    fn of_neurons(self) -> Result<Neuron, &'static str> {
+        match self {
+            Self::Module(Activation::Tanh) => Ok(Neuron::Tanh),
+            Self::Module(Activation::Sigmoid) => Err("sigmoid"),
+            Self::Module(Activation::Sech2) => Err("sech2"),
+            Self::Neurons(neuron) => Ok(neuron),
+        }
+    }
 }
 
 fn no_part() -> Part {
@@ -782,14 +821,16 @@ impl TryFrom<BlockTable> for Block {
             Layers::SympNet(Modules {
                 modules: modules.ok_or_else(|| missing("modules"))?,
                 shears: shears.ok_or_else(|| missing("shears"))?,
-                activation: activation.ok_or_else(|| missing("activation"))?,
+                activation: { activation.ok_or_else(|| missing("activation"))?.of_module() }
+                    .map_err(|found| {
+                        Error::invalid("activation", found, "sigmoid, tanh or sech2")
+                    })?,
                 plain: plain.unwrap_or(false),
             })
         } else {
             let given = [
                 ("modules", modules.is_some()),
                 ("shears", shears.is_some()),
-                ("activation", activation.is_some()),
                 ("plain", plain.is_some()),
             ];
             if let Some((key, _)) = given.into_iter().find(|(_, given)| *given) {
@@ -804,11 +845,25 @@ impl TryFrom<BlockTable> for Block {
                 LayerName::TurnedCoupling | LayerName::SympNet => Layers::TurnedCoupling(widths),
             }
         };
+        let of_neurons = match activation {
+            Some(activation) if !matches!(layers, Layers::SympNet(_)) => {
+                let invalid =
+                    |found| Error::invalid("activation", found, "tanh or arctan of neurons");
+                Some(activation.of_neurons().map_err(invalid)?)
+            }
+            _ => None,
+        };
         let ridges = match (degree, radius) {
+            (Some(_), _) if of_neurons.is_some() => {
+                return superfluous(
+                    "activation",
+                    "a degree of polynomials, or an activation of neurons",
+                );
+            }
             (Some(degree), radius) => {
                 RidgeFunction::Polynomial { degree, radius: radius.unwrap_or(f64::INFINITY) }
             }
-            (None, None) => RidgeFunction::Tanh,
+            (None, None) => RidgeFunction::Neurons(of_neurons.unwrap_or_default()),
             (None, Some(_)) => {
                 return superfluous("radius", "a degree with it: the box is that of polynomials");
             }
@@ -821,10 +876,17 @@ impl From<Block> for BlockTable {
     fn from(block: Block) -> Self {
         let Block { name, part, scale, layers, ridges } = block;
         let (degree, radius) = match ridges {
-            RidgeFunction::Tanh => (None, None),
+            RidgeFunction::Neurons(_) => (None, None),
             RidgeFunction::Polynomial { degree, radius } => {
                 (Some(degree), Some(radius).filter(|radius| radius.is_finite()))
             }
+        };
+        // Files without it are of tanh.
+        let activation = match ridges {
+            RidgeFunction::Neurons(neuron) if neuron != Neuron::default() => {
+                Some(ActivationName::Neurons(neuron))
+            }
+            _ => None,
         };
         let mut table = Self {
             name: Some(name),
@@ -836,7 +898,7 @@ impl From<Block> for BlockTable {
             radius,
             modules: None,
             shears: None,
-            activation: None,
+            activation,
             plain: None,
         };
         let (layer, widths) = match layers {
@@ -848,7 +910,7 @@ impl From<Block> for BlockTable {
             Layers::SympNet(Modules { modules, shears, activation, plain }) => {
                 table.modules = Some(modules);
                 table.shears = Some(shears);
-                table.activation = Some(activation);
+                table.activation = Some(ActivationName::Module(activation));
                 table.plain = Some(plain);
                 return table;
             }
@@ -862,7 +924,7 @@ impl InitialWeights {
     pub fn layer(self, dof: usize, width: usize, stream: &mut Stream) -> Vec<f64> {
         let tensors = Layers::Henon(vec![width]).tensors_of(
             0,
-            RidgeFunction::Tanh,
+            RidgeFunction::default(),
             Surroundings { dof, arguments: 0, slow: 0 },
         );
         let of = |tensor: Tensor| vec![tensor.law; tensor.len()];

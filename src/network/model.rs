@@ -296,12 +296,12 @@ impl<P: Scalar> Model<P> {
         &self.composition.parameters()[self.architecture.angles()]
     }
 
-    /// The Hénon layers of neurons of a part, in the order of application.
+    /// The Hénon layers of neurons of tanh of a part, in the order of application.
     pub fn henon_layers(&self, part: Part) -> impl DoubleEndedIterator<Item = HenonLayer<'_, P>> {
         let of = |(block, number, range): (&Block, usize, std::ops::Range<usize>)| {
             let Layers::Henon(widths) = &block.layers else { return None };
             let scale = if block.scale.has_epsilon() { self.epsilon() } else { P::from_f64(1.0) };
-            if block.part != part || block.ridges != RidgeFunction::Tanh {
+            if block.part != part || block.ridges != RidgeFunction::default() {
                 return None;
             }
             let layer = &self.composition.parameters()[range];

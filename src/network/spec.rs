@@ -7,7 +7,7 @@ use super::named::{
 };
 use super::normal_form::NormalFormShape;
 use crate::error::Error;
-use crate::layer::{Activation, CircleAction, Reversor, RidgeFunction, TorusAction};
+use crate::layer::{Activation, CircleAction, Neuron, Reversor, RidgeFunction, TorusAction};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -22,12 +22,15 @@ pub struct LayerSizes {
     /// The degree of polynomials, if the layers have polynomials in place of neurons.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub degree: Option<usize>,
+    /// σ of the neurons, tanh unless given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub activation: Option<Neuron>,
 }
 
 impl LayerSizes {
     /// `count` layers of the same width.
     pub fn uniform(count: usize, width: usize) -> Self {
-        Self { count, width: Alternating::Same(width), degree: None }
+        Self { count, width: Alternating::Same(width), degree: None, activation: None }
     }
 
     /// The width of each layer.
@@ -35,15 +38,21 @@ impl LayerSizes {
         self.width.widths(self.count)
     }
 
-    /// Parses `10x8`, or `20x2,10` for two alternating widths; `10x1^16` for polynomials of degree 16.
+    /// Parses `10x8`, or `20x2,10` for two alternating widths; `10x8:arctan` for neurons of arctan, `10x1^16` for
+    /// polynomials of degree 16.
     ///
     /// # Errors
     /// [`Error::Invalid`] with the text.
     pub fn parse(name: &str, text: &str) -> Result<Self, Error> {
         let parse = || {
             let number = |text: &str| text.trim().parse().ok();
+            let (text, activation) = match text.split_once(':') {
+                None => (text, None),
+                Some((text, name)) => (text, Some(Neuron::named(name.trim())?)),
+            };
             let (sizes, degree) = match text.split_once('^') {
                 None => (text, None),
+                Some(_) if activation.is_some() => return None,
                 Some((sizes, degree)) => (sizes, Some(number(degree)?)),
             };
             let (count, width) = sizes.split_once('x')?;
@@ -51,10 +60,10 @@ impl LayerSizes {
                 None => Alternating::Same(number(width)?),
                 Some((first, second)) => Alternating::Two([number(first)?, number(second)?]),
             };
-            Some(Self { count: number(count)?, width, degree })
+            Some(Self { count: number(count)?, width, degree, activation })
         };
-        let expected = "layers and neurons, such as 10x8, 20x2,10 for two widths by turns, or \
-                        10x1^16 for polynomials of degree 16";
+        let expected = "layers and neurons, such as 10x8, 20x2,10 for two widths by turns, \
+                        10x8:arctan for neurons of arctan, or 10x1^16 for polynomials of degree 16";
         parse().ok_or_else(|| Error::invalid(name, text, expected))
     }
 }
@@ -65,7 +74,8 @@ impl std::fmt::Display for LayerSizes {
             Alternating::Same(width) => write!(f, "{}x{width}", self.count)?,
             Alternating::Two([a, b]) => write!(f, "{}x{a},{b}", self.count)?,
         }
-        self.degree.map_or(Ok(()), |degree| write!(f, "^{degree}"))
+        self.degree.map_or(Ok(()), |degree| write!(f, "^{degree}"))?;
+        self.activation.map_or(Ok(()), |neuron| write!(f, ":{}", neuron.name()))
     }
 }
 
@@ -459,6 +469,10 @@ impl NetworkSpec {
                 let expected = format!("a size of {}: {of}", self.kind);
                 return Err(Error::invalid(key, size, expected));
             }
+            if let (Some(degree), Some(neuron)) = (size.degree, size.activation) {
+                let found = format!("the degree {degree} and the activation {}", neuron.name());
+                return Err(Error::invalid(key, found, "one of them: polynomials have no neurons"));
+            }
             // Of a perturbation there may be none.
             let least = if key == "perturbation" { 0 } else { least };
             Error::check_count_range(&format!("{key}: layers"), size.count, least, MOST_LAYERS)?;
@@ -480,7 +494,7 @@ impl NetworkSpec {
             RidgeFunction::Polynomial { degree: 1, radius }.check()?;
             let given = Self::SIZES.iter().filter_map(|key| self.given(key));
             let of_sizes = { given }.any(|size| size.degree.is_some());
-            let of_blocks = self.blocks.iter().any(|block| block.ridges != RidgeFunction::Tanh);
+            let of_blocks = self.blocks.iter().any(|block| block.ridges.is_polynomial());
             if !(of_sizes || of_blocks) {
                 return Err(Error::invalid("radius", radius, "a degree of polynomials with it"));
             }
@@ -568,8 +582,11 @@ impl NetworkSpec {
         }
         for block in &mut out.blocks {
             let size = named.key_of(block).and_then(|key| self.size(key));
-            if let Some(degree) = size.and_then(|size| size.degree) {
+            let Some(LayerSizes { degree, activation, .. }) = size else { continue };
+            if let Some(degree) = degree {
                 *block = block.clone().of_polynomials(degree);
+            } else if let Some(neuron) = activation {
+                *block = block.clone().of_neurons(neuron);
             }
         }
         Ok(self.boxed(out))

@@ -1,8 +1,8 @@
 //! The kinds of step, and the one place where a step is bound to its parameters.
 
 use crate::layer::{
-    Activation, ElementaryMap, Kick, KickForm, Reversor, RidgeFunction, RidgePotential, Ridges,
-    TurnStep, TurnedCoupling, TurnedKick, Twist, TwistShears,
+    Activation, ElementaryMap, Kick, KickForm, Reversor, RidgePotential, Ridges, TurnStep,
+    TurnedCoupling, TurnedKick, Twist, TwistShears,
 };
 use crate::phase::Half;
 use crate::scalar::Scalar;
@@ -98,9 +98,9 @@ impl Kind {
         let function = match self {
             Self::Kick { ridges, .. } | Self::TurnedKick { ridges, .. } => ridges.function,
             Self::Twist { shears, .. } => shears.function(),
-            _ => RidgeFunction::Tanh,
+            _ => return false,
         };
-        function != RidgeFunction::Tanh
+        function.is_polynomial()
     }
 
     /// Which of the composition's prepared turns it has, if any: the first of them.

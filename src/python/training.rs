@@ -8,7 +8,7 @@ use super::trained::{Trained, warn};
 use crate::error::Error;
 use crate::flow::Pairs;
 use crate::io::{Checkpoints, StoredModel, read_section};
-use crate::layer::Reversor;
+use crate::layer::{Neuron, Reversor};
 use crate::network::{Alternating, Block, LayerSizes, NetworkSpec};
 use crate::scene::{Folder, NextStep, OwnTraining, Scene, TrainingTimes};
 use crate::train::{
@@ -76,11 +76,12 @@ pub(super) enum Stage {
     OfDegree(Option<f64>, usize, u64),
 }
 
-/// Layers and neurons, or layers, polynomials and their degree.
+/// Layers and neurons, with their activation unless it is tanh, or layers, polynomials and their degree.
 #[derive(FromPyObject)]
 pub(super) enum Sizes {
     Neurons(usize, Widths),
     Polynomials(usize, Widths, usize),
+    NeuronsOf(usize, Widths, String),
 }
 
 /// Blocks of Python's dictionaries, as JSON has them.
@@ -171,8 +172,8 @@ fn condition(of: Option<Condition>) -> (Option<f64>, Option<Vec<f64>>) {
 /// architecture: "gyroceptron", "normal-form", "coupling-gyroceptron",
 /// "kicked-gyroceptron", "henon-net" or "symp-net".
 /// psi, near_identity, kicks, twists, turned_twists, perturbation, layers: (layers, neurons) of the parts that it
-/// has, or (layers, (neurons, neurons)) of two widths by turns; (layers, polynomials, degree) of polynomials
-/// in place of neurons. A normal form with a perturbation is nearly integrable, of order one without it.
+/// has, or (layers, (neurons, neurons)) of two widths by turns; (layers, neurons, "arctan") of neurons of arctan in
+/// place of tanh, (layers, polynomials, degree) of polynomials in place of neurons. A normal form with a perturbation is nearly integrable, of order one without it.
 /// radius: the half width of the box of polynomials, in units of the network: coordinates from -radius to radius.
 /// Unless given it is 1.1 times the largest coordinate of the pairs.
 /// reversor: makes the map reversible for all weights, S P S = P^-1, where S changes the signs of the "positions" or of
@@ -180,7 +181,8 @@ fn condition(of: Option<Condition>) -> (Option<f64>, Option<Vec<f64>>) {
 /// blocks: a network of your own in place of a named architecture: a list of dictionaries with layer
 /// ("henon", "turned-kick", "twist", "turned-twist", "turned-coupling", "symp-net"), widths, part ("conjugation",
 /// "chart", "slow-map", "perturbation", "near-identity", "none"), and scale and name where they are
-/// not the usual ones of the part; degree, and radius where it is not that of the pairs, of polynomials.
+/// not the usual ones of the part; activation "arctan" of neurons that are not of tanh, degree, and radius where it is
+/// not that of the pairs, of polynomials.
 /// optimiser: "lm" (Levenberg-Marquardt, which gets furthest), "l-bfgs" or "adam".
 /// iterations: the largest number of iterations, 1000 unless given.
 /// starts: the number of sets of initial weights. Each is trained for 40 iterations, and the best goes on.
@@ -459,8 +461,9 @@ impl Shapes {
             ("perturbation", self.perturbation),
             ("layers", self.layers),
         ];
-        let sizes: Vec<_> =
-            sizes.into_iter().filter_map(|(key, size)| Some((key, layers(size?)))).collect();
+        let given = sizes.into_iter().filter_map(|(key, size)| Some((key, size?)));
+        let sizes: Vec<(&str, LayerSizes)> =
+            given.map(|(key, size)| Ok((key, layers(size)?))).collect::<Result<_, Error>>()?;
         let keys: Vec<&str> = sizes.iter().map(|(key, _)| *key).collect();
         let network = match (architecture, before) {
             _ if !blocks.is_empty() => NetworkSpec::of_blocks(blocks),
@@ -470,8 +473,7 @@ impl Shapes {
             (None, None) if keys.is_empty() => NetworkSpec::named("normal-form")?,
             (None, None) => NetworkSpec::with_parts(&keys)?,
         };
-        let with =
-            |network: NetworkSpec, (key, size): (&str, LayerSizes)| network.with_size(key, size);
+        let with = |network: NetworkSpec, (key, size)| network.with_size(key, size);
         let network = sizes.into_iter().try_fold(network, with)?;
         let network = match self.reversor {
             Some(reversor) => network.reversible(reversor)?,
@@ -481,16 +483,20 @@ impl Shapes {
     }
 }
 
-fn layers(Sequence(sizes): Sequence<Sizes>) -> LayerSizes {
-    let (count, width, degree) = match sizes {
-        Sizes::Neurons(count, width) => (count, width, None),
-        Sizes::Polynomials(count, width, degree) => (count, width, Some(degree)),
+fn layers(Sequence(sizes): Sequence<Sizes>) -> Result<LayerSizes, Error> {
+    let (count, width, degree, activation) = match sizes {
+        Sizes::Neurons(count, width) => (count, width, None, None),
+        Sizes::Polynomials(count, width, degree) => (count, width, Some(degree), None),
+        Sizes::NeuronsOf(count, width, name) => {
+            let unknown = || Error::invalid("activation of neurons", &name, "tanh or arctan");
+            (count, width, None, Some(Neuron::named(&name).ok_or_else(unknown)?))
+        }
     };
     let width = match width {
         Widths::Same(width) => Alternating::Same(width),
         Widths::Two(widths) => Alternating::Two(widths),
     };
-    LayerSizes { count, width, degree }
+    Ok(LayerSizes { count, width, degree, activation })
 }
 
 /// A next step as a call.

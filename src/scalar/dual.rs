@@ -161,6 +161,27 @@ impl<S: Scalar, const N: usize> Scalar for Dual<S, N> {
         (tanh, sech2)
     }
     #[inline(always)]
+    fn lorentzian(self) -> (Self, Self) {
+        let ([t], [s]) = Self::lorentzian_each([self]);
+        (t, s)
+    }
+    /// s′ = −2ts and t′ = s − 2t² = s(2s − 1).
+    #[inline(always)]
+    fn lorentzian_each<const K: usize>(x: [Self; K]) -> ([Self; K], [Self; K]) {
+        let mut values = [S::zero(); K];
+        for i in 0..K {
+            values[i] = x[i].re;
+        }
+        let (t, s) = S::lorentzian_each(values);
+        let (mut first, mut slope) = (x, x);
+        for i in 0..K {
+            let twice = S::from_f64(2.0) * s[i];
+            first[i] = x[i].chain(t[i], twice.mul_add(s[i], -s[i]));
+            slope[i] = x[i].chain(s[i], -(twice * t[i]));
+        }
+        (first, slope)
+    }
+    #[inline(always)]
     fn without_bound(self) -> Self {
         let mut eps = self.eps;
         for k in 0..N {

@@ -17,6 +17,10 @@ impl Scalar for f64 {
         tanh_sech2(self)
     }
     #[inline(always)]
+    fn lorentzian(self) -> (Self, Self) {
+        simd::lorentzian(self)
+    }
+    #[inline(always)]
     fn as_plain(values: &mut [Self]) -> Option<&mut [f64]> {
         Some(values)
     }
@@ -133,6 +137,11 @@ impl Scalar for f32 {
     #[inline(always)]
     fn tanh_sech2(self) -> (Self, Self) {
         let (t, s) = tanh_sech2(f64::from(self));
+        (t as f32, s as f32)
+    }
+    #[inline(always)]
+    fn lorentzian(self) -> (Self, Self) {
+        let (t, s) = simd::lorentzian(f64::from(self));
         (t as f32, s as f32)
     }
     #[inline(always)]

@@ -1,6 +1,7 @@
 //! Several points at once: SIMD lanes of `f64`.
 
 use super::lanewise::{Lanewise, functions_of_lanes, zero_lanes_with};
+use super::lorentzian::lorentzian_in_step;
 use super::tanh::tanh_sech2_in_step;
 use super::{Elementary, Pack, Scalar, Task, WIDTH, assigning, over_parameters, simd};
 use std::ops::{Add, Div, Mul, Neg, Sub};
@@ -90,6 +91,24 @@ impl<const L: usize> Scalar for Lanes<L> {
         let (mut t, mut s) = (x, x);
         for k in 0..K {
             (t[k], s[k]) = x[k].one_by_one(simd::tanh_sech2);
+        }
+        (t, s)
+    }
+    #[cfg_attr(target_arch = "x86_64", inline(never))]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
+    fn lorentzian(self) -> (Self, Self) {
+        let ([t], [s]) = Self::lorentzian_each([self]);
+        (t, s)
+    }
+    #[cfg_attr(target_arch = "x86_64", inline(never))]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
+    fn lorentzian_each<const K: usize>(x: [Self; K]) -> ([Self; K], [Self; K]) {
+        if !CALLS {
+            return lorentzian_in_step(x);
+        }
+        let (mut t, mut s) = (x, x);
+        for k in 0..K {
+            (t[k], s[k]) = x[k].one_by_one(simd::lorentzian);
         }
         (t, s)
     }

@@ -23,6 +23,7 @@ mod float;
 mod grid;
 mod lanes;
 mod lanewise;
+mod lorentzian;
 mod on_grid;
 mod on_lanes;
 #[allow(unsafe_code)]
@@ -100,6 +101,27 @@ pub trait Scalar:
         let (mut t, mut s) = (x, x);
         for i in 0..K {
             (t[i], s[i]) = x[i].tanh_sech2();
+        }
+        (t, s)
+    }
+
+    /// `(x/(1 + x²), 1/(1 + x²))`: of arctan, the slope s and t = xs, so that s′ = −2ts as of tanh.
+    ///
+    /// Unless a type has its own, with a division; `f64` and its lanes have one without.
+    #[inline]
+    fn lorentzian(self) -> (Self, Self) {
+        let one = Self::from_f64(1.0);
+        let slope = one / self.mul_add(self, one);
+        (self * slope, slope)
+    }
+
+    /// [`Scalar::lorentzian`] of K numbers: the same bits, and for lanes in less time than one
+    /// after the other.
+    #[inline(always)]
+    fn lorentzian_each<const K: usize>(x: [Self; K]) -> ([Self; K], [Self; K]) {
+        let (mut t, mut s) = (x, x);
+        for i in 0..K {
+            (t[i], s[i]) = x[i].lorentzian();
         }
         (t, s)
     }

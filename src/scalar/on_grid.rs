@@ -154,6 +154,16 @@ impl<V: Lanewise, G: Place<V>> Scalar for OnGrid<V, G> {
         (Self::all_between(t), Self::all_between(s))
     }
     #[inline(always)]
+    fn lorentzian(self) -> (Self, Self) {
+        let (t, s) = self.value.lorentzian();
+        (Self::between(t), Self::between(s))
+    }
+    #[inline(always)]
+    fn lorentzian_each<const K: usize>(x: [Self; K]) -> ([Self; K], [Self; K]) {
+        let (t, s) = V::lorentzian_each(Self::values(x));
+        (Self::all_between(t), Self::all_between(s))
+    }
+    #[inline(always)]
     fn outlined(task: impl Task) {
         V::outlined(task);
     }

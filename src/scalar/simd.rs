@@ -11,6 +11,7 @@
 //! was given, and so on the same processor.
 
 use super::lanewise::{Lanewise, functions_of_lanes, zero_lanes_with};
+use super::lorentzian::lorentzian_in_step;
 use super::tanh::tanh_sech2_in_step;
 use super::{Elementary, Over, Scalar, Task, WIDTH, assigning, over_parameters};
 use crate::error::Error;
@@ -181,6 +182,12 @@ mod one {
         (t, s)
     }
 
+    #[inline(always)]
+    pub(super) fn lorentzian(x: f64) -> (f64, f64) {
+        let ([t], [s]) = lorentzian_in_step([x]);
+        (t, s)
+    }
+
     pub(super) use crate::scalar::exp::exp;
     pub(super) use crate::scalar::sin_cos::sin_cos;
 }
@@ -204,6 +211,10 @@ macro_rules! on_one {
 /// instruction set gives the same bits.
 pub fn tanh_sech2(x: f64) -> (f64, f64) {
     on_one!(tanh_sech2, x)
+}
+
+pub(super) fn lorentzian(x: f64) -> (f64, f64) {
+    on_one!(lorentzian, x)
 }
 
 pub(super) fn sin_cos(x: f64) -> (f64, f64) {
@@ -271,6 +282,7 @@ mod x86 {
     }
     with_fused_multiply_add! {
         tanh_sech2 -> (f64, f64);
+        lorentzian -> (f64, f64);
         sin_cos -> (f64, f64);
         exp -> f64;
     }
@@ -288,6 +300,15 @@ mod x86 {
             #[inline(always)]
             fn tanh_sech2_each<const K: usize>(x: [Self; K]) -> ([Self; K], [Self; K]) {
                 tanh_sech2_in_step(x)
+            }
+            #[inline(always)]
+            fn lorentzian(self) -> (Self, Self) {
+                let ([t], [s]) = lorentzian_in_step([self]);
+                (t, s)
+            }
+            #[inline(always)]
+            fn lorentzian_each<const K: usize>(x: [Self; K]) -> ([Self; K], [Self; K]) {
+                lorentzian_in_step(x)
             }
             fn unit_roundoff() -> f64 {
                 f64::unit_roundoff()

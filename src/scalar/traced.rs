@@ -1,7 +1,9 @@
 //! A number that records the operations on it, from which source code of a map is generated.
 
 use super::lanewise::{Lanewise, zero_lanes_with};
-use super::{Elementary, Over, Scalar, Series, assigning, chebyshev, over_itself, sin_cos, tanh};
+use super::{
+    Elementary, Over, Scalar, Series, assigning, chebyshev, lorentzian, over_itself, sin_cos, tanh,
+};
 use std::cell::RefCell;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -62,6 +64,8 @@ pub enum Operation {
     AtMost(Traced, f64),
     /// The number whose exponent field stands in the lowest bits of x.
     PowerOfLowBits(Traced),
+    /// The number whose bits are the difference of those of x and of y, as integers that wrap.
+    MinusBits(Traced, Traced),
     /// A number that is negative where this bit of x is set.
     BitAsSign(Traced, u32),
     /// The second where the first is above the limit, else the third.
@@ -104,6 +108,7 @@ impl Operation {
             | Self::Difference(x, y)
             | Self::Product(x, y)
             | Self::Quotient(x, y)
+            | Self::MinusBits(x, y)
             | Self::WithSignOf(x, y)
             | Self::NegatedWhere(x, y) => vec![x, y],
             Self::MulAdd(all) | Self::SelectAbove(all, _) | Self::SelectNegative(all) => {
@@ -118,6 +123,8 @@ impl Operation {
 pub enum TracedKernel {
     /// tanh x and sech² x.
     TanhSech2,
+    /// x/(1 + x²) and 1/(1 + x²).
+    Lorentzian,
     /// sin x and cos x; NaN of both for |x| > 2³⁰.
     SinCos,
 }
@@ -128,6 +135,10 @@ impl TracedKernel {
         Trace::of(1, |z| match self {
             Self::TanhSech2 => {
                 let ([t], [s]) = tanh::tanh_sech2_in_step([z[0]]);
+                vec![t, s]
+            }
+            Self::Lorentzian => {
+                let ([t], [s]) = lorentzian::lorentzian_in_step([z[0]]);
                 vec![t, s]
             }
             Self::SinCos => {
@@ -203,6 +214,7 @@ impl Trace {
                 Operation::Sqrt(x) => of(x).sqrt(),
                 Operation::AtMost(x, most) => of(x).at_most(*most),
                 Operation::PowerOfLowBits(x) => of(x).power_of_low_bits(),
+                Operation::MinusBits(x, y) => of(x).minus_bits(of(y)),
                 Operation::BitAsSign(x, bit) => f64::from_bits(of(x).to_bits() << (63 - bit)),
                 Operation::SelectAbove([x, above, other], limit) => {
                     of(x).select_above(*limit, of(above), of(other))
@@ -263,6 +275,10 @@ impl Scalar for Traced {
     }
     fn tanh_sech2(self) -> (Self, Self) {
         let of = |part| Self::of(Operation::Kernel(TracedKernel::TanhSech2, part, self));
+        (of(0), of(1))
+    }
+    fn lorentzian(self) -> (Self, Self) {
+        let of = |part| Self::of(Operation::Kernel(TracedKernel::Lorentzian, part, self));
         (of(0), of(1))
     }
     fn abs(self) -> Self {
@@ -351,8 +367,8 @@ impl Lanewise for Traced {
     fn plus_bits(self, _: Self) -> Self {
         Self::of(Operation::Other("a sum of bits"))
     }
-    fn minus_bits(self, _: Self) -> Self {
-        Self::of(Operation::Other("a difference of bits"))
+    fn minus_bits(self, other: Self) -> Self {
+        Self::of(Operation::MinusBits(self, other))
     }
 }
 

@@ -106,6 +106,13 @@ impl Scalar for Tracked {
         let sech2 = Self { value: s, bound: 2.0 * t.abs() * s * self.bound + 5.0 * s };
         (tanh, sech2)
     }
+    /// s = 1/(1 + x²) errs by 3u relative, t = xs by 4u; |t′| ≤ s, |s′| = 2|t|s.
+    fn lorentzian(self) -> (Self, Self) {
+        let (t, s) = self.value.lorentzian();
+        let first = Self { value: t, bound: s * self.bound + 4.0 * t.abs() };
+        let slope = Self { value: s, bound: 2.0 * t.abs() * s * self.bound + 3.0 * s };
+        (first, slope)
+    }
     fn without_bound(self) -> Self {
         Self::exact(self.value)
     }

@@ -5,7 +5,7 @@ use crate::helpers::{command, folder, succeeds, text};
 use gyroceptron::Error;
 use gyroceptron::flow::{Pairs, Window};
 use gyroceptron::io::{Checkpoints, StoredModel, load_checkpoint, save_model, write_pairs};
-use gyroceptron::layer::{Activation, CircleAction, Reversor, TorusAction};
+use gyroceptron::layer::{Activation, CircleAction, Neuron, Reversor, TorusAction};
 use gyroceptron::network::{Alternating, Block, LayerSizes, Layers, Modules, NetworkSpec, Part};
 use gyroceptron::scene::{Folder, OwnTraining, TrainingTimes, parse};
 use gyroceptron::system::Oscillators;
@@ -121,8 +121,12 @@ fn of_degree(count: usize, width: usize, degree: usize) -> LayerSizes {
     LayerSizes { degree: Some(degree), ..of(count, width) }
 }
 
+fn of_arctan(count: usize, width: usize) -> LayerSizes {
+    LayerSizes { activation: Some(Neuron::Arctan), ..of(count, width) }
+}
+
 fn by_turns(count: usize, widths: [usize; 2]) -> LayerSizes {
-    LayerSizes { count, width: Alternating::Two(widths), degree: None }
+    LayerSizes { count, width: Alternating::Two(widths), degree: None, activation: None }
 }
 
 /// `from` of the table.
@@ -234,6 +238,10 @@ const CASES: &[Case] = &[
     }),
     ("turned twists of a normal form", |fit| {
         let sizes = [("kicks", of(2, 3)), ("turned_twists", of(2, 2))];
+        fit.network = named("normal-form", &sizes);
+    }),
+    ("neurons of arctan", |fit| {
+        let sizes = [("kicks", of_arctan(2, 3)), ("twists", of_arctan(2, 2))];
         fit.network = named("normal-form", &sizes);
     }),
     ("polynomials in their box", |fit| {

@@ -39,6 +39,9 @@ fn kernel_name(kernel: TracedKernel, part: Option<usize>) -> &'static str {
         (TracedKernel::TanhSech2, Some(0)) => "exact_tanh",
         (TracedKernel::TanhSech2, Some(_)) => "exact_sech2",
         (TracedKernel::TanhSech2, None) => "exact_tanh_sech2",
+        (TracedKernel::Lorentzian, Some(0)) => "exact_odd_lorentzian",
+        (TracedKernel::Lorentzian, Some(_)) => "exact_lorentzian",
+        (TracedKernel::Lorentzian, None) => "exact_lorentzians",
         (TracedKernel::SinCos, Some(0)) => "exact_sin",
         (TracedKernel::SinCos, Some(_)) => "exact_cos",
         (TracedKernel::SinCos, None) => "exact_sin_cos",
@@ -124,6 +127,9 @@ fn body(function: &Function, inputs: &[String], kernels: &mut Kernels) -> Body {
                 format!("{x} > {most} ? {most} : {x}")
             }
             Operation::PowerOfLowBits(x) => format!("from_bits(to_bits({}) << 52)", of(x)),
+            Operation::MinusBits(x, y) => {
+                format!("from_bits(to_bits({}) - to_bits({}))", of(x), of(y))
+            }
             Operation::BitAsSign(x, bit) => {
                 format!("from_bits(to_bits({}) << {})", of(x), 63 - bit)
             }

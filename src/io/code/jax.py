@@ -15,6 +15,14 @@ def sech2(x):
     return 4.0 * e / (1.0 + e) ** 2
 
 
+def lorentzian(x):
+    return 1.0 / (1.0 + x * x)
+
+
+def odd_lorentzian(x):
+    return x / (1.0 + x * x)
+
+
 def with_sign(x, sign):
     return xp.copysign(x, sign)
 

@@ -105,6 +105,7 @@ impl Program {
                 line.operation,
                 Operation::AtMost(..)
                     | Operation::PowerOfLowBits(_)
+                    | Operation::MinusBits(..)
                     | Operation::BitAsSign(..)
                     | Operation::SelectAbove(..)
                     | Operation::SelectNegative(_)

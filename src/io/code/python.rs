@@ -55,6 +55,8 @@ fn body(function: &Function, inputs: &[String]) -> (String, Vec<String>) {
                 let name = match (kernel, part) {
                     (TracedKernel::TanhSech2, 0) => "xp.tanh",
                     (TracedKernel::TanhSech2, _) => "sech2",
+                    (TracedKernel::Lorentzian, 0) => "odd_lorentzian",
+                    (TracedKernel::Lorentzian, _) => "lorentzian",
                     (TracedKernel::SinCos, 0) => "xp.sin",
                     (TracedKernel::SinCos, _) => "xp.cos",
                 };
@@ -71,6 +73,7 @@ fn body(function: &Function, inputs: &[String]) -> (String, Vec<String>) {
             Operation::WithSignOf(x, sign) => format!("with_sign({}, {})", of(x), of(sign)),
             Operation::AtMost(..)
             | Operation::PowerOfLowBits(_)
+            | Operation::MinusBits(..)
             | Operation::BitAsSign(..)
             | Operation::SelectAbove(..)
             | Operation::SelectNegative(_)

@@ -4,7 +4,8 @@ use super::ball::{Ball, BallCentre, BallOf, FineBall};
 use super::number::{Constant, Coordinate, Function, Number};
 use crate::error::Error;
 use crate::layer::{
-    Activation, OfAction, PolynomialPotential, RidgeFunction, Ridges, TanhPotential, TorusAction,
+    Activation, Neuron, NeuronPotential, OfAction, PolynomialPotential, RidgeFunction, Ridges,
+    TorusAction,
 };
 use crate::network::{Composition, Kind, Model};
 use crate::phase::Half;
@@ -306,7 +307,7 @@ impl PlaneMap {
                         factor: if form.negative { -signed } else { signed },
                         reflect: form.reflect,
                         shift: if form.shifted { eta[0] } else { 0.0 },
-                        slope: Slope::of_ridges(*ridges, potential),
+                        slope: Slope::of_ridges(*ridges, potential)?,
                     });
                 }
                 Kind::Turn { .. } => {
@@ -317,7 +318,7 @@ impl PlaneMap {
                     }));
                 }
                 Kind::TurnedKick { ridges, .. } => {
-                    let slope = Slope::of_ridges(*ridges, &parameters[1..]);
+                    let slope = Slope::of_ridges(*ridges, &parameters[1..])?;
                     steps.push(PlaneStep::TurnedShear {
                         angle: parameters[0],
                         factor: signed,
@@ -333,11 +334,10 @@ impl PlaneMap {
                 }
                 Kind::Twist { shears, .. } => {
                     let (weight, slopes) = shears.of_plane(parameters);
-                    steps.extend(slopes.into_iter().map(|of| PlaneStep::Twist {
-                        factor: signed,
-                        weight,
-                        slope: Slope::of_action(of),
-                    }));
+                    for of in slopes {
+                        let slope = Slope::of_action(of)?;
+                        steps.push(PlaneStep::Twist { factor: signed, weight, slope });
+                    }
                 }
                 Kind::Linear { first, translated } => {
                     let count = parameters.len() - if *translated { 2 } else { 0 };
@@ -484,9 +484,9 @@ impl Prepared<'_> {
 
 impl Slope {
     /// G′ of ridge functions of an action, in an interval where they are polynomials, and of half the square of it.
-    fn of_action(of: OfAction<'_>) -> Self {
+    fn of_action(of: OfAction<'_>) -> Result<Self, Error> {
         let OfAction { ridges, interval, functions, form } = of;
-        let mut out = Self::of_ridges(ridges, functions);
+        let mut out = Self::of_ridges(ridges, functions)?;
         match (&mut out, ridges.function, interval) {
             (Self::Tanh { linear, .. }, ..) => *linear = form,
             (
@@ -499,14 +499,19 @@ impl Slope {
             }
             _ => {}
         }
-        out
+        Ok(out)
     }
 
-    /// V′ of ridge functions of one coordinate.
-    fn of_ridges(ridges: Ridges, parameters: &[f64]) -> Self {
-        match ridges.function {
-            RidgeFunction::Tanh => {
-                let neurons = TanhPotential::<f64>::new(1, ridges.width, parameters);
+    /// V′ of ridge functions of one coordinate. arctan has no enclosures yet: beside its poles ±i they would have to
+    /// say where the complex argument may be.
+    fn of_ridges(ridges: Ridges, parameters: &[f64]) -> Result<Self, Error> {
+        Ok(match ridges.function {
+            RidgeFunction::Neurons(Neuron::Arctan) => {
+                let expected = "neurons of tanh, or polynomials, of which enclosures are known";
+                return Err(Error::invalid("map of a proof", "neurons of arctan", expected));
+            }
+            RidgeFunction::Neurons(Neuron::Tanh) => {
+                let neurons = NeuronPotential::<f64>::new(1, ridges.width, parameters);
                 let [a, b, w] = neurons.weights();
                 let neurons = (0..ridges.width).map(|k| [a[k], b[k], w[k]]).collect();
                 Self::Tanh { neurons, linear: 0.0 }
@@ -522,6 +527,6 @@ impl Slope {
                     coefficients: coefficients.to_vec(),
                 }
             }
-        }
+        })
     }
 }

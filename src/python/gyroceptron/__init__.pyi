@@ -33,6 +33,8 @@ __version__: str
 _Layers = (
     tuple[int, int]
     | tuple[int, tuple[int, int]]
+    | tuple[int, int, str]
+    | tuple[int, tuple[int, int], str]
     | tuple[int, int, int]
     | tuple[int, tuple[int, int], int]
     | list[int]

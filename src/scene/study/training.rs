@@ -1,7 +1,7 @@
 //! The training of each network: where it ended, how it went, how long it took.
 
 use super::shared::Study;
-use crate::layer::{RidgeFunction, TorusAction};
+use crate::layer::TorusAction;
 use crate::measure::{
     timing::Spread,
     trajectories::{component_errors, milestones},
@@ -50,7 +50,7 @@ impl Study for TrainingStudy {
             let action = model.network.own_action().unwrap_or(TorusAction::of_planes(1));
             let blocks = model.network.architecture(&action, 0.0, 1.0).map(|of| of.blocks);
             for block in blocks.into_iter().flatten() {
-                if block.ridges != RidgeFunction::Tanh {
+                if block.ridges.is_polynomial() {
                     out.extend([JOLTS, CLENSHAW]);
                 }
                 match block.layers {
