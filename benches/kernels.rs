@@ -5,10 +5,10 @@
 //! Wall time is noisy: `training.rs` says how to count instructions.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use gyroceptron::layer::CircleAction;
+use gyroceptron::layer::{CircleAction, Neuron};
 use gyroceptron::network::{
-    GyroceptronShape, InitialWeights, Model, Rollout, map_jacobians, map_jacobians_by_duals,
-    map_points, rollout,
+    Alternating, GyroceptronShape, InitialWeights, LayerSizes, Model, NetworkSpec, Rollout,
+    map_jacobians, map_jacobians_by_duals, map_points, rollout,
 };
 use gyroceptron::phase::Direction;
 use gyroceptron::random::Stream;
@@ -119,6 +119,25 @@ fn kernels(criterion: &mut Criterion) {
         group.throughput(Throughput::Elements((steps * count) as u64));
         group.bench_function(name, |b| {
             b.iter(|| rollout(model.composition(), black_box(&initial), request));
+        });
+    }
+    // The normal form of `run long-steps` at ε = 0.01.
+    for neuron in [Neuron::Tanh, Neuron::Arctan] {
+        let sizes = |count, width| LayerSizes {
+            width,
+            activation: Some(neuron),
+            ..LayerSizes::uniform(count, 1)
+        };
+        let of = NetworkSpec::named("normal-form")
+            .and_then(|of| of.with_size("kicks", sizes(8, Alternating::Same(8))))
+            .and_then(|of| of.with_size("twists", sizes(24, Alternating::Two([2, 12]))))
+            .and_then(|of| of.architecture(&CircleAction::new([1, 0]).into(), 0.01, 200.0))
+            .and_then(|of| of.initialise(InitialWeights::Normal { scale: 0.15 }, 0.7, 1))
+            .expect("a valid architecture");
+        let (initial, request) = (points(4 * 64), Rollout { steps: 1000, every: 1000 });
+        group.throughput(Throughput::Elements(64 * 1000));
+        group.bench_function(format!("a normal form of {}, 64 trajectories", neuron.name()), |b| {
+            b.iter(|| of.rollout(black_box(&initial), request));
         });
     }
     group.finish();

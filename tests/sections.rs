@@ -1265,11 +1265,11 @@ fn sections_find_their_axis_and_keep_the_flux() {
 /// points.
 #[test]
 fn maps_over_some_of_the_periods_keep_the_flux() {
-    let coils = Torsatron { periods: 7, ..Torsatron::default() };
+    let coils = Torsatron { periods: 14, ..Torsatron::default() };
     let coils = coils.coils().expect("sound").all().expect("coils");
-    let of = LineRequest { angle: 3.0 * TAU / 7.0, ..request() };
+    let of = LineRequest { angle: 3.0 * TAU / 14.0, ..request() };
     let section = LineSection::new(&coils, of).expect("a section");
-    assert_eq!(section.field().points() % (7 * coils.len()), 0);
+    assert_eq!(section.field().points() % (14 * coils.len()), 0);
     let axis = section.axis();
     let (image, [[a, b], [c, d]]) = section.map().with_jacobian([axis[0] + 0.05, axis[1]]);
     let toroidal = |[r, z]: [f64; 2]| -> f64 { section.field().cylindrical(r, 0.0, z)[1] };
