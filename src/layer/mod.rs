@@ -4,7 +4,8 @@
 //!   derivative along directions. Each kind of step has one file:
 //! - [`Kick`]: one half of the coordinates is moved by the gradient of a
 //!   [`Potential`] of the other half; [`NeuronPotential`] is the one with a hidden
-//!   layer of [neurons](Neuron) of tanh or arctan, [`PolynomialPotential`] one of polynomials over a box, [`RidgePotential`] either.
+//!   layer of [neurons](Neuron) of tanh or arctan, [`PolynomialPotential`] one of polynomials over a
+//!   box, [`RidgePotential`] either.
 //! - [`Turn`], [`TurnStep`]: each plane rotated by its angle, as three shears per
 //!   plane; [`CircleAction`] and [`TorusAction`] define which planes rotate together, by an angle in
 //!   radians or by a [`TurnFraction`], whose sums are exact.

@@ -1,6 +1,6 @@
 //! eˣ, and eˣ − 1 for small x, which tanh shares.
 
-use super::lanewise::{BIAS, Lanewise, ROUND};
+use super::lanewise::{BIAS, Lanewise, ROUND, each};
 use std::f64::consts::LOG2_E;
 
 /// (e^r − 1 − r)/r² on |r| ≤ ½ ln 2, the polynomial of degree 9 whose largest
@@ -32,27 +32,17 @@ const MOST: f64 = 710.0;
 #[inline(always)]
 pub(super) fn expm1_of_rest<V: Lanewise, const K: usize>(y: [V; K], k: [V; K]) -> [V; K] {
     let c = V::from_f64;
-    macro_rules! each {
-        ($i:ident => $value:expr) => {{
-            let mut out = y;
-            for $i in 0..K {
-                out[$i] = $value;
-            }
-            out
-        }};
-    }
-
-    let r = each!(i => k[i].mul_add(c(-LN2_HIGH), y[i]));
-    let r = each!(i => k[i].mul_add(c(-LN2_LOW), r[i]));
-    let square = each!(i => r[i] * r[i]);
-    let mut even = each!(i => square[i].mul_add(c(EXPM1[8]), c(EXPM1[6])));
-    let mut odd = each!(i => square[i].mul_add(c(EXPM1[9]), c(EXPM1[7])));
+    let r = each!(y, i => k[i].mul_add(c(-LN2_HIGH), y[i]));
+    let r = each!(y, i => k[i].mul_add(c(-LN2_LOW), r[i]));
+    let square = each!(y, i => r[i] * r[i]);
+    let mut even = each!(y, i => square[i].mul_add(c(EXPM1[8]), c(EXPM1[6])));
+    let mut odd = each!(y, i => square[i].mul_add(c(EXPM1[9]), c(EXPM1[7])));
     for j in [4, 2, 0] {
-        even = each!(i => even[i].mul_add(square[i], c(EXPM1[j])));
-        odd = each!(i => odd[i].mul_add(square[i], c(EXPM1[j + 1])));
+        even = each!(y, i => even[i].mul_add(square[i], c(EXPM1[j])));
+        odd = each!(y, i => odd[i].mul_add(square[i], c(EXPM1[j + 1])));
     }
-    let rest = each!(i => odd[i].mul_add(r[i], even[i]));
-    each!(i => square[i].mul_add(rest[i], r[i]))
+    let rest = each!(y, i => odd[i].mul_add(r[i], even[i]));
+    each!(y, i => square[i].mul_add(rest[i], r[i]))
 }
 
 /// eˣ within 2 ulp; below the normal numbers within one of their steps. NaN gives

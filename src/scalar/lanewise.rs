@@ -55,6 +55,20 @@ pub trait Lanewise: Elementary {
     fn minus_bits(self, other: Self) -> Self;
 }
 
+/// `each!(x, i => value)`: an array like x whose i-th number is the value. A number of operations one after another,
+/// each on all numbers before the next, goes in step: a processor that waits for one chain of results has the other
+/// chains to go on with.
+macro_rules! each {
+    ($like:expr, $i:ident => $value:expr) => {{
+        let mut out = $like;
+        for $i in 0..out.len() {
+            out[$i] = $value;
+        }
+        out
+    }};
+}
+pub(super) use each;
+
 /// Adding it rounds a number below 2⁵¹ to an integer, which is then in the low bits.
 pub(super) const ROUND: f64 = 6_755_399_441_055_744.0;
 

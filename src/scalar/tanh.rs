@@ -1,7 +1,7 @@
 //! tanh and sech² from one exponential and one division, without a branch.
 
 use super::exp::expm1_of_rest;
-use super::lanewise::{BIAS, Lanewise, ROUND};
+use super::lanewise::{BIAS, Lanewise, ROUND, each};
 use std::f64::consts::LOG2_E;
 
 /// From 354.38 up to here k is −1023, whose exponent field is that of 0: E is 0,
@@ -26,28 +26,18 @@ const SATURATED: f64 = 354.5;
 pub(super) fn tanh_sech2_in_step<V: Lanewise, const K: usize>(x: [V; K]) -> ([V; K], [V; K]) {
     let c = V::from_f64;
     let one = c(1.0);
-    macro_rules! each {
-        ($i:ident => $value:expr) => {{
-            let mut out = x;
-            for $i in 0..K {
-                out[$i] = $value;
-            }
-            out
-        }};
-    }
+    let a = each!(x, i => x[i].abs().at_most(SATURATED));
+    let shifted = each!(x, i => a[i].mul_add(c(-2.0 * LOG2_E), c(ROUND + BIAS)));
+    let k = each!(x, i => shifted[i] - c(ROUND + BIAS));
+    let p = expm1_of_rest(each!(x, i => -(a[i] + a[i])), k);
+    let power = each!(x, i => shifted[i].power_of_low_bits());
 
-    let a = each!(i => x[i].abs().at_most(SATURATED));
-    let shifted = each!(i => a[i].mul_add(c(-2.0 * LOG2_E), c(ROUND + BIAS)));
-    let k = each!(i => shifted[i] - c(ROUND + BIAS));
-    let p = expm1_of_rest(each!(i => -(a[i] + a[i])), k);
-    let power = each!(i => shifted[i].power_of_low_bits());
+    let inverse = each!(x, i => one / power[i].mul_add(p[i], power[i] + one));
+    let base = each!(x, i => power[i] * inverse[i]);
+    let q = each!(x, i => p[i].mul_add(base[i], base[i]));
+    let s = each!(x, i => c(4.0) * q[i].negative_mul_add(q[i], q[i]));
 
-    let inverse = each!(i => one / power[i].mul_add(p[i], power[i] + one));
-    let base = each!(i => power[i] * inverse[i]);
-    let q = each!(i => p[i].mul_add(base[i], base[i]));
-    let s = each!(i => c(4.0) * q[i].negative_mul_add(q[i], q[i]));
-
-    let expm1 = each!(i => power[i].mul_add(p[i], power[i] - one));
-    let t = each!(i => (expm1[i] * inverse[i]).with_sign_of(x[i]));
+    let expm1 = each!(x, i => power[i].mul_add(p[i], power[i] - one));
+    let t = each!(x, i => (expm1[i] * inverse[i]).with_sign_of(x[i]));
     (t, s)
 }
