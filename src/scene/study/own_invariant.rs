@@ -19,8 +19,11 @@ const FIGURE: &str = "own-invariant";
 /// ε of a network over these, two decades.
 const FACTORS: [f64; 5] = [1.0, 3.162_277_660_168_379_5, 10.0, 31.622_776_601_683_793, 100.0];
 
-/// The angles on the circle through a point that μ₁ is computed from.
+/// The angles on the circle through a point that μ₁ and μ₂ are computed from.
 const ANGLES: usize = 64;
+
+/// μ₂, which costs some thousand times as much as μ₁, is computed at one in so many of the states.
+const SPARSE: usize = 5;
 
 /// The adiabatic invariant that a network owns: its order in ε, with the weights as they are.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -74,11 +77,14 @@ impl Study for OwnInvariantOptions {
             ("ε", Format::Setting),
             ("largest change of μ₀ over μ₀", Format::Exponent(2)),
             ("of μ₀ + εμ₁", Format::Exponent(2)),
+            ("of μ₀ + εμ₁ + ε²μ₂", Format::Exponent(2)),
         ]);
         for of in &found {
-            for ((epsilon, leading), next) in of.epsilons.iter().zip(&of.leading).zip(&of.next) {
+            for (number, epsilon) in of.epsilons.iter().enumerate() {
                 let name = format!("`{}`", of.name);
-                table.push([name.into(), (*epsilon).into(), (*leading).into(), (*next).into()]);
+                let [leading, next, second] = of.series().map(|(_, changes)| changes[number]);
+                let changes = [leading.into(), next.into(), second.into()];
+                table.push([name.into(), (*epsilon).into()].into_iter().chain(changes));
             }
         }
         summary.push(Block::Table(table));
@@ -96,12 +102,14 @@ impl Study for OwnInvariantOptions {
 struct Found {
     name: String,
     epsilons: Vec<f64>,
-    /// Of each ε, the largest |μ − μ(0)|/|μ₀(0)| along all orbits, of μ = μ₀ and μ₀ + εμ₁.
+    /// Of each ε, the largest |μ − μ(0)|/|μ₀(0)| along all orbits, of μ = μ₀, μ₀ + εμ₁ and μ₀ + εμ₁ + ε²μ₂.
     leading: Vec<f64>,
     next: Vec<f64>,
-    /// Exponents of ε in both, with their standard errors.
+    second: Vec<f64>,
+    /// Exponents of ε in them, with their standard errors.
     leading_order: (f64, f64),
     next_order: (f64, f64),
+    second_order: (f64, f64),
     /// The resonance that disturbs it at its own ε, if there is one.
     resonance: Option<String>,
 }
@@ -114,11 +122,12 @@ impl OwnInvariantOptions {
         }
         let own = model.epsilon();
         let epsilons = FACTORS.map(|factor| own / factor);
-        let (mut leading, mut next) = (Vec::new(), Vec::new());
+        let (mut leading, mut next, mut second) = (Vec::new(), Vec::new(), Vec::new());
         for epsilon in epsilons {
-            let [of_leading, of_next] = self.changes(&model.with_epsilon(epsilon))?;
+            let [of_leading, of_next, of_second] = self.changes(&model.with_epsilon(epsilon))?;
             leading.push(of_leading);
             next.push(of_next);
+            second.push(of_second);
         }
         let order = |changes: &[f64]| {
             let FittedLine { slope, slope_error, .. } = log_line(&epsilons, changes);
@@ -131,33 +140,43 @@ impl OwnInvariantOptions {
             name: name.to_owned(),
             leading_order: order(&leading),
             next_order: order(&next),
+            second_order: order(&second),
             epsilons: epsilons.to_vec(),
             leading,
             next,
+            second,
             resonance: near.next().map(|resonance| resonance.to_string()),
         }))
     }
 
-    /// The largest changes of μ₀ and of μ₀ + εμ₁ over μ₀, along orbits from all initial points.
-    fn changes(&self, model: &Model) -> Result<[f64; 2], Error> {
+    /// The largest changes over μ₀ of the series of one, two and three terms, along orbits from all initial points.
+    fn changes(&self, model: &Model) -> Result<[f64; 3], Error> {
         let (dim, count) = (2 * model.composition().dof(), self.initial.len());
-        let every = self.every;
-        let request = Rollout { steps: self.steps, every };
+        let epsilon = model.epsilon();
+        let request = Rollout { steps: self.steps, every: self.every };
         let states = model.rollout(&self.initial.concat(), request)?;
         let states = Trajectories::new(states, dim, count)?;
-        let Some(series) = SeriesInvariant::of(model, ANGLES) else { return Ok([f64::NAN; 2]) };
-        let mut largest = [0.0; 2];
+        let Some(series) = SeriesInvariant::of(model, ANGLES) else { return Ok([f64::NAN; 3]) };
+        let mut largest = [0.0; 3];
         for m in 0..count {
-            let values = states.orbit(m).map(|z| {
-                let (leading, next) = series.at(z)?;
-                Ok([leading, leading + model.epsilon() * next])
-            });
-            let values: Vec<[f64; 2]> = values.collect::<Result<_, Error>>()?;
-            let [first, ..] = values[..] else { continue };
-            for value in &values {
-                for k in 0..2 {
-                    let change = (value[k] - first[k]).abs() / first[0].abs();
-                    largest[k] = max_or_nan(largest[k], change);
+            let mut at_start = Vec::new();
+            for (number, z) in states.orbit(m).enumerate() {
+                let mut sums = if number % SPARSE == 0 {
+                    series.terms(z)?.to_vec()
+                } else {
+                    let (leading, next) = series.at(z)?;
+                    vec![leading, next]
+                };
+                let mut power = 1.0;
+                for k in 1..sums.len() {
+                    power *= epsilon;
+                    sums[k] = sums[k - 1] + power * sums[k];
+                }
+                if number == 0 {
+                    at_start.clone_from(&sums);
+                }
+                for ((largest, sum), start) in largest.iter_mut().zip(&sums).zip(&at_start) {
+                    *largest = max_or_nan(*largest, (sum - start).abs() / at_start[0].abs());
                 }
             }
         }
@@ -169,32 +188,41 @@ impl OwnInvariantOptions {
             "A gyroceptron owns a formal series μ₀ + εμ₁ + … for every weight: it shows in the order \
              in ε, not the \
              size at one. With the weights as they are and ε lowered over two decades, the changes along {} orbits of \
-             {} steps, each looked at {} times. μ₁ solves the equation of first order on the circle \
-             through a point, by {ANGLES} angles.",
+             {} steps, each looked at {} times, and {} times with μ₂. μ₁ and μ₂ solve the equations of first and \
+             second order on the circle through a point, by {ANGLES} angles.",
             self.initial.len(),
             self.steps,
-            self.steps / self.every + 1
+            self.steps / self.every + 1,
+            self.steps / self.every / SPARSE + 1
         )
     }
 }
 
 impl Found {
+    /// The changes of each partial sum of the series, by its name.
+    fn series(&self) -> [(&'static str, &[f64]); 3] {
+        [("μ₀", &self.leading), ("μ₀ + εμ₁", &self.next), ("μ₀ + εμ₁ + ε²μ₂", &self.second)]
+    }
+
     fn words(&self) -> String {
         let size = |changes: &[f64]| changes.first().copied().unwrap_or(f64::NAN);
         let resonance = self.resonance.as_ref();
         let resonance = resonance
-            .map(|near| format!(" Its angle is near a resonance, {near}, which adds to both."));
+            .map(|near| format!(" Its angle is near a resonance, {near}, which adds to all."));
         format!(
-            "- `{}`: μ₀ changes as ε to the power {:.2} ± {:.2}, μ₀ + εμ₁ as {:.2} ± {:.2}; at ε = {} by \
-             up to {} and {}.{}",
+            "- `{}`: μ₀ changes as ε to the power {:.2} ± {:.2}, μ₀ + εμ₁ as {:.2} ± {:.2}, with ε²μ₂ as {:.2} ± \
+             {:.2}; at ε = {} by up to {}, {} and {}.{}",
             self.name,
             self.leading_order.0,
             self.leading_order.1,
             self.next_order.0,
             self.next_order.1,
+            self.second_order.0,
+            self.second_order.1,
             self.epsilons.first().copied().unwrap_or(f64::NAN),
             Format::Percent.number(size(&self.leading)),
             Format::Percent.number(size(&self.next)),
+            Format::Percent.number(size(&self.second)),
             resonance.unwrap_or_default()
         )
     }
@@ -203,10 +231,8 @@ impl Found {
 fn figure(found: &[Found]) -> Figure {
     let mut series = Vec::new();
     for (color, of) in found.iter().enumerate() {
-        for (number, (what, changes)) in
-            [("μ₀", &of.leading), ("μ₀ + εμ₁", &of.next)].into_iter().enumerate()
-        {
-            let (name, color) = (format!("{}, {what}", of.name), 2 * color + number);
+        for (number, (what, changes)) in of.series().into_iter().enumerate() {
+            let (name, color) = (format!("{}, {what}", of.name), 3 * color + number);
             let points = of.epsilons.iter().copied().zip(changes.iter().copied()).collect();
             series.push(Series { name, color, style: Style::Marked, points });
         }
