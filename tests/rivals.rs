@@ -3,8 +3,8 @@
 use super::systems::{assert_order, distance, omega_defect, point};
 use gyroceptron::error::Error;
 use gyroceptron::flow::{
-    Averaged, Integrator, MicroSteps, MultiRevolution, Splitting, StepTable, Stroboscopic,
-    TableKind, Tableau,
+    Averaged, Integrator, MicroSteps, MultiRevolution, MultiRevolutionSettings, Splitting,
+    StepTable, Stroboscopic, StroboscopicSettings, TableKind, Tableau,
 };
 use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::adiabatic::log_slope;
@@ -74,7 +74,11 @@ fn multi_revolution_compositions_have_their_orders() {
     for system in others {
         let exact = exact(&system, time);
         for (order, counts) in [(2, [48, 64, 96, 128]), (4, [20, 24, 32, 40])] {
-            let by = Integrator::MultiRevolution { micro: 8, order, by: MicroSteps::Aba1064 };
+            let by = Integrator::MultiRevolution(MultiRevolutionSettings {
+                micro: 8,
+                order,
+                by: MicroSteps::Aba1064,
+            });
             let errors = counts.map(|count| {
                 let found = by.trajectories(&system, &points(), time, count, 1);
                 distance(&found.expect("integrates"), &exact)
@@ -135,7 +139,11 @@ fn equidistant_kicks_average_exponentially() {
     let system = System::Oscillators(Oscillators { epsilon: 1e-4 });
     let exact = exact(&system, time);
     let error = |micro: usize| {
-        let by = Integrator::Stroboscopic { micro, differences: 3, by: MicroSteps::Strang };
+        let by = Integrator::Stroboscopic(StroboscopicSettings {
+            micro,
+            differences: 3,
+            by: MicroSteps::Strang,
+        });
         distance(&by.trajectories(&system, &points(), time, 8, 1).expect("integrates"), &exact)
     };
     let kicks = [4, 6, 8, 10, 12];
@@ -148,7 +156,11 @@ fn equidistant_kicks_average_exponentially() {
         |k: usize| (errors[k] / errors[k + 1]).ln() / (kicks[k + 1] as f64 / kicks[k] as f64).ln();
     assert!(slope(2) > slope(0) + 1.0, "{errors:?}");
     // Of half the kicks of ABA(10,6,4), whose step has eight.
-    let of_aba = Integrator::Stroboscopic { micro: 2, differences: 3, by: MicroSteps::Aba1064 };
+    let of_aba = Integrator::Stroboscopic(StroboscopicSettings {
+        micro: 2,
+        differences: 3,
+        by: MicroSteps::Aba1064,
+    });
     let of_aba = of_aba.trajectories(&system, &points(), time, 8, 1).expect("integrates");
     assert!(error(16) < distance(&of_aba, &exact) + 1e-9);
 }
@@ -229,13 +241,21 @@ fn averaged_equations_of_wrong_coefficients_lose_their_order() {
 fn what_cannot_be_composed_is_refused() {
     let torus = System::ThreeOscillators(ThreeOscillators::new(0.01));
     let lines = System::FieldLines(FieldLines::new(1e-3));
-    let by = Integrator::MultiRevolution { micro: 8, order: 2, by: MicroSteps::Strang };
+    let by = Integrator::MultiRevolution(MultiRevolutionSettings {
+        micro: 8,
+        order: 2,
+        by: MicroSteps::Strang,
+    });
     for (system, word) in [(torus, "no period"), (lines, "no parts with exact flows")] {
         let refused = by.check_for(&system);
         assert!(refused.expect_err("refused").to_string().contains(word));
     }
     for (micro, order) in [(0, 2), (1001, 2), (8, 3), (8, 0)] {
-        let by = Integrator::MultiRevolution { micro, order, by: MicroSteps::Strang };
+        let by = Integrator::MultiRevolution(MultiRevolutionSettings {
+            micro,
+            order,
+            by: MicroSteps::Strang,
+        });
         assert!(by.check().is_err(), "{micro} {order}");
     }
     // Less than a period is the splitting's alone.

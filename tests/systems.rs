@@ -2,9 +2,9 @@
 
 use gyroceptron::Error;
 use gyroceptron::flow::{
-    Averaged, GaussLegendre, Integrator, MicroSteps, Pairs, Reference, ReferenceTrajectories,
-    Splitting, Stroboscopic, Tableau, Window, boris, natural_runge_kutta_4, runge_kutta_4,
-    sample_of, velocity_splitting,
+    Averaged, AveragedSettings, GaussLegendre, GaussLegendreSettings, Integrator, MicroSteps,
+    Pairs, Reference, ReferenceTrajectories, Splitting, Stroboscopic, StroboscopicSettings,
+    Tableau, Window, boris, natural_runge_kutta_4, runge_kutta_4, sample_of, velocity_splitting,
 };
 use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::{
@@ -583,7 +583,7 @@ fn field_lines_are_the_same_in_natural_coordinates() {
     let system = FieldLines::new(1e-3);
     let any = System::FieldLines(system);
     let z = lines(11);
-    let exact = Integrator::GaussLegendre { stages: 5 };
+    let exact = Integrator::GaussLegendre(GaussLegendreSettings { stages: 5 });
     let exact = exact.trajectories(&any, &z, TAU, 60, 3).expect("converges");
     let steps = [12, 16, 24, 32, 48];
     let by = |steps: usize| Integrator::NaturalRungeKutta4.trajectories(&any, &z, TAU, steps, 3);
@@ -665,7 +665,7 @@ fn field_lines_tell_where_they_are_not() {
     let outside = Integrator::RungeKutta4.trajectories(&any, &[0.1, 0.2, 1.02, 0.3], TAU, 50, 1);
     assert!(outside.expect_err("one outside").to_string().contains("[1.02, 0.3]"));
     // Steps from one time to the next add up to that of all, at whole periods.
-    let gauss = Integrator::GaussLegendre { stages: 6 };
+    let gauss = Integrator::GaussLegendre(GaussLegendreSettings { stages: 6 });
     let (once, twice) = (by(gauss, 2.0 * TAU, 1), by(gauss, TAU, 2));
     let (once, twice) = (once.expect("converges"), twice.expect("converges"));
     assert!(distance(&once, &twice[2..]) < 1e-11, "{:e}", distance(&once, &twice[2..]));
@@ -944,7 +944,7 @@ fn stroboscopic_averaging_with_a_wrong_coefficient_is_rejected() {
 }
 
 fn averaging(micro: usize, differences: usize) -> Integrator {
-    Integrator::Stroboscopic { micro, differences, by: MicroSteps::Aba1064 }
+    Integrator::Stroboscopic(StroboscopicSettings { micro, differences, by: MicroSteps::Aba1064 })
 }
 
 /// The averaged equation takes the flow over thousands of periods in a few steps: of fourth order in their size, with
@@ -1227,7 +1227,7 @@ fn averaged_equations_have_their_orders() {
         });
         let errors = |order: usize, angles: usize| -> Vec<f64> {
             let found = |(epsilon, exact): (f64, &Vec<f64>)| {
-                let by = Integrator::Averaged { order, angles, closed: false };
+                let by = Integrator::Averaged(AveragedSettings { order, angles, closed: false });
                 let found = by.trajectories(&system(epsilon), &z, interval(epsilon), 16, 10);
                 let squares = found.expect("integrates").into_iter().zip(exact);
                 squares.map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
@@ -1244,17 +1244,20 @@ fn averaged_equations_have_their_orders() {
             assert!(seen, "{of}: nothing is seen");
         }
         // Into the averaged coordinates and back is no motion, as often as it is done.
-        let (system, by) =
-            (system(0.002), Integrator::Averaged { order: 2, angles: 32, closed: false });
+        let (system, by) = (
+            system(0.002),
+            Integrator::Averaged(AveragedSettings { order: 2, angles: 32, closed: false }),
+        );
         let at_once = by.trajectories(&system, &z, 100.0, 40, 1).expect("integrates");
         let in_turn = by.trajectories(&system, &z, 2.5, 1, 40).expect("integrates");
         // But for what entering leaves, of third order, once more each time.
         let apart = distance(&in_turn[39 * z.len()..], &at_once);
         assert!(apart < 40.0 * 0.002_f64.powi(3), "{name}: {apart:e}");
         // A closed form is what the angles average; that keeps the action, they do to the order of the steps.
-        let closed = Integrator::Averaged { order: 1, angles: 32, closed: true };
+        let closed = Integrator::Averaged(AveragedSettings { order: 1, angles: 32, closed: true });
         if closed.check_for(&system).is_ok() {
-            let by_angles = Integrator::Averaged { order: 1, angles: 32, closed: false };
+            let by_angles =
+                Integrator::Averaged(AveragedSettings { order: 1, angles: 32, closed: false });
             let [closed, by_angles] = [closed, by_angles]
                 .map(|by| by.trajectories(&system, &z, 300.0, 400, 1).expect("integrates"));
             let apart = distance(&closed, &by_angles);
@@ -1282,15 +1285,23 @@ fn averaged_equations_have_their_orders() {
         let epsilons = intervals.map(|interval| 0.05 / interval);
         assert_order(&format!("quick, order {order}"), order as f64, &epsilons, &errors);
     }
-    let averaged = Integrator::Averaged { order: 1, angles: 8, closed: false };
+    let averaged = Integrator::Averaged(AveragedSettings { order: 1, angles: 8, closed: false });
     let refused = |system: System| averaged.check_for(&system).expect_err("refused").to_string();
     let modes = refused(System::ThreeOscillators(ThreeOscillators::new(0.01)));
     assert!(modes.contains("averaged equation of order 1"), "{modes}");
     let many = refused(System::ParticleField(particle(0.01, 4)));
     assert!(many.contains("found 5") && many.contains("4 degrees of freedom or fewer"), "{many}");
-    assert!(Integrator::Averaged { order: 3, angles: 8, closed: false }.check().is_err());
-    assert!(Integrator::Averaged { order: 1, angles: 2, closed: false }.check().is_err());
-    let both = Integrator::Averaged { order: 2, angles: 8, closed: true }.check();
+    assert!(
+        Integrator::Averaged(AveragedSettings { order: 3, angles: 8, closed: false })
+            .check()
+            .is_err()
+    );
+    assert!(
+        Integrator::Averaged(AveragedSettings { order: 1, angles: 2, closed: false })
+            .check()
+            .is_err()
+    );
+    let both = Integrator::Averaged(AveragedSettings { order: 2, angles: 8, closed: true }).check();
     assert!(both.expect_err("no closed form").to_string().contains("closed"));
 }
 
@@ -1317,7 +1328,7 @@ fn averaged_equations_of_a_particle_in_its_field_have_their_orders() {
         intervals.into_iter().zip(&exact).map(of).collect::<Vec<f64>>()
     };
     for (order, closed) in [(1, false), (1, true), (2, false)] {
-        let errors = slope_of(Integrator::Averaged { order, angles: 32, closed });
+        let errors = slope_of(Integrator::Averaged(AveragedSettings { order, angles: 32, closed }));
         assert_order(&format!("order {order}, closed: {closed}"), order as f64, &epsilons, &errors);
     }
     // In coordinates whose planes the limit does not turn there is nothing to average.
@@ -1349,7 +1360,7 @@ fn averaged_equations_of_a_particle_in_its_field_have_their_orders() {
     let carried: Vec<f64> = ahead.iter().zip(&behind).map(|(a, b)| (a - b) / 2e-3).collect();
     assert!(distance(&carried, &own) < 1e-9, "{carried:?} {own:?}");
     let [closed, by_angles] = [true, false].map(|closed| {
-        let by = Integrator::Averaged { order: 1, angles: 32, closed };
+        let by = Integrator::Averaged(AveragedSettings { order: 1, angles: 32, closed });
         by.trajectories(&two_modes(25.0), &z, 300.0, 400, 1).expect("integrates")
     });
     let apart = distance(&closed, &by_angles);
@@ -1438,13 +1449,13 @@ fn trajectories_are_those_of_the_methods_bit_for_bit() {
         // One group of lanes, some with the last one not full, some that are.
         for count in [1, 7, 29, 40] {
             let initial: Vec<f64> = (0..count).flat_map(|k| point(system.dof(), k)).collect();
-            for (integrator, steps) in [
-                (Integrator::RungeKutta4, 9),
-                (Integrator::Strang, 5),
-                (Integrator::Yoshida4, 4),
-                (Integrator::Aba864, 1),
-                (Integrator::Aba1064, 2),
-                (Integrator::GaussLegendre { stages: 5 }, 3),
+            for (integrator, splitting, steps) in [
+                (Integrator::RungeKutta4, None, 9),
+                (Integrator::Strang, Some(Splitting::STRANG), 5),
+                (Integrator::Yoshida4, Some(Splitting::YOSHIDA_4), 4),
+                (Integrator::Aba864, Some(Splitting::ABA_864), 1),
+                (Integrator::Aba1064, Some(Splitting::ABA_1064), 2),
+                (Integrator::GaussLegendre(GaussLegendreSettings { stages: 5 }), None, 3),
             ] {
                 let states =
                     integrator.trajectories(&system, &initial, 0.7, steps, 3).expect("converges");
@@ -1452,13 +1463,15 @@ fn trajectories_are_those_of_the_methods_bit_for_bit() {
                 for (m, start) in initial.chunks_exact(dim).enumerate() {
                     let mut z = start.to_vec();
                     for t in 0..3 {
-                        match (integrator, integrator.splitting()) {
+                        match (integrator, splitting) {
                             (_, Some(method)) => {
                                 split!(system, s => method.integrate(s, &mut z, 0.7, steps))
                             }
-                            (Integrator::GaussLegendre { stages }, _) => GaussLegendre::new(stages)
-                                .integrate(&system, &mut z, 0.7, steps)
-                                .expect("converges"),
+                            (Integrator::GaussLegendre(GaussLegendreSettings { stages }), _) => {
+                                GaussLegendre::new(stages)
+                                    .integrate(&system, &mut z, 0.7, steps)
+                                    .expect("converges")
+                            }
                             _ => runge_kutta_4(&system, &mut z, 0.7, steps),
                         }
                         let first = t * initial.len() + m * dim;
@@ -1467,7 +1480,7 @@ fn trajectories_are_those_of_the_methods_bit_for_bit() {
                 }
             }
         }
-        let gauss = Integrator::GaussLegendre { stages: 2 };
+        let gauss = Integrator::GaussLegendre(GaussLegendreSettings { stages: 2 });
         assert!(gauss.trajectories(&system, &point(system.dof(), 1), 1e6, 1, 1).is_err());
         assert!(Integrator::Strang.trajectories(&system, &[0.0; 3], 1.0, 1, 1).is_err());
         assert!(Integrator::Strang.trajectories(&system, &[], 1.0, 1, 1).expect("none").is_empty());

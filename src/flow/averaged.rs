@@ -1,8 +1,13 @@
 //! Averaged equations: the slow motion without the fast angle, and the changes of coordinates to and from it.
 
+use super::numerical_method::NumericalMethod;
+use super::request::{Method, Request};
+use super::stroboscopic::StroboscopicSettings;
+use crate::error::Error;
 use crate::layer::Turn;
-use crate::scalar::{Elementary, Over};
-use crate::system::NearlyPeriodic;
+use crate::scalar::{Elementary, Over, Pack, WIDTH};
+use crate::system::{Hamiltonian, NearlyPeriodic, ParticleField, Splittable, System};
+use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
 /// The flow by the averaged equation, for a system whose limit ε = 0 rotates coordinate planes along one circle.
@@ -221,3 +226,159 @@ impl Averaged {
 
 /// The numbers of a point, of the systems that this is for.
 const MOST: usize = 8;
+
+/// Averaged equations.
+const BIBTEX: &str = "@book{SandersVerhulstMurdock2007,
+  author = {Sanders, Jan A. and Verhulst, Ferdinand and Murdock, James},
+  title = {Averaging Methods in Nonlinear Dynamical Systems},
+  edition = {2},
+  publisher = {Springer},
+  year = {2007},
+  doi = {10.1007/978-0-387-48918-6}
+}
+";
+
+/// [`Averaged`] as scenes declare it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AveragedSettings {
+    /// 1 or 2: over times of 1/ε errors are O(ε) and O(ε²).
+    pub order: usize,
+    /// The angles of an average.
+    #[serde(default = "sixteen")]
+    pub angles: usize,
+    /// Whether the closed form of the average, of first order, is used: the angles then only serve to enter and
+    /// leave the averaged coordinates.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub closed: bool,
+}
+
+/// The angles that scenes do not name.
+fn sixteen() -> usize {
+    16
+}
+
+impl AveragedSettings {
+    fn on(&self, system: &impl NearlyPeriodic, request: &Request) -> Averaged {
+        let method = Averaged::new(system, request.interval, self.angles, self.order);
+        match self.closed {
+            true => method.in_closed_form(),
+            false => method,
+        }
+    }
+
+    fn no_circle_of_planes(&self) -> Error {
+        self.cannot_integrate("the limit of the system turns no coordinate planes along one circle")
+    }
+}
+
+impl NumericalMethod for AveragedSettings {
+    fn name(&self) -> String {
+        let Self { order, angles, closed } = self;
+        let form = if *closed { ", closed form" } else { "" };
+        format!("averaged equation of order {order}{form}, {angles} angles")
+    }
+
+    fn bibtex(&self) -> Option<&'static str> {
+        Some(BIBTEX)
+    }
+
+    fn check(&self) -> Result<(), Error> {
+        Error::check_count_range("order", self.order, 1, 2)?;
+        if self.closed && self.order == 2 {
+            let found = "order 2 and closed";
+            return Err(Error::invalid("integrator", found, "order 1 of a closed form"));
+        }
+        Error::check_count_range("angles", self.angles, 3, 1000)
+    }
+
+    fn check_for(&self, system: &System) -> Result<(), Error> {
+        match system {
+            System::FieldLines(_) | System::ThreeOscillators(_) => Err(self.no_circle_of_planes()),
+            System::ParticleField(system) if system.dof() > Averaged::MOST_DOF => {
+                let expected = format!("{} degrees of freedom or fewer", Averaged::MOST_DOF);
+                Err(Error::invalid(&self.name(), system.dof(), expected))
+            }
+            System::FullOrbit(_) | System::VanDerPol(_) if self.closed => {
+                Err(self.cannot_integrate("the average over the circle has no closed form"))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn finer(&self) -> Option<Box<dyn NumericalMethod>> {
+        // More steps or angles do not reduce the error of averaging itself.
+        Some(Box::new(StroboscopicSettings::REFERENCE))
+    }
+
+    fn trajectories(
+        &self,
+        request: &Request,
+        system: &System,
+        initial: &[f64],
+    ) -> Result<Vec<f64>, Error> {
+        match system {
+            System::Oscillators(system) => request.step(&self.on(system, request), system, initial),
+            System::FullOrbit(system) => request.step(&self.on(system, request), system, initial),
+            System::CellularDrift(system) => {
+                request.step(&self.on(system, request), system, initial)
+            }
+            System::VanDerPol(system) => request.step(&self.on(system, request), system, initial),
+            System::ParticleField(system) => {
+                let without = system.without_profiles();
+                let method = self.on(&without, request);
+                request.step(&InPlanes { without, method }, system, initial)
+            }
+            System::FieldLines(_) | System::ThreeOscillators(_) => Err(self.no_circle_of_planes()),
+        }
+    }
+}
+
+impl<H: NearlyPeriodic> Method<H> for Averaged {
+    #[inline(always)]
+    fn take<V: Pack>(&self, system: &H, z: &mut [V], _: f64, steps: usize) {
+        let constants = |z: &[V]| {
+            let (mut point, mut out) = (vec![0.0; z.len()], [[0.0; WIDTH]; 2]);
+            let mut lanes = [0.0; WIDTH];
+            for lane in 0..V::LANES {
+                for (number, component) in point.iter_mut().zip(z) {
+                    component.store(&mut lanes[..V::LANES]);
+                    *number = lanes[lane];
+                }
+                let of_point = system.average_constants(&point).unwrap_or([f64::NAN; 2]);
+                out.iter_mut().zip(of_point).for_each(|(out, constant)| out[lane] = constant);
+            }
+            out.map(|lanes| V::load(&lanes[..V::LANES]))
+        };
+        for z in z.chunks_exact_mut(2 * system.dof()) {
+            Averaged::take(self, system, z, steps, constants);
+        }
+    }
+}
+
+/// The averaged equation of a particle in its field, in the coordinates whose planes the limit turns.
+struct InPlanes {
+    without: ParticleField,
+    method: Averaged,
+}
+
+impl Method<ParticleField> for InPlanes {
+    const NATURAL: bool = true;
+
+    #[inline(always)]
+    fn take<V: Pack>(&self, _: &ParticleField, z: &mut [V], interval: f64, steps: usize) {
+        Method::take(&self.method, &self.without, z, interval, steps);
+    }
+    #[inline(always)]
+    fn enter<V: Pack>(&self, system: &ParticleField, z: &mut [V]) {
+        for z in z.chunks_exact_mut(2 * system.dof()) {
+            Splittable::enter(system, z);
+        }
+    }
+    #[inline(always)]
+    fn leave<V: Pack>(&self, system: &ParticleField, z: &mut [V]) {
+        for z in z.chunks_exact_mut(2 * system.dof()) {
+            Splittable::leave(system, z);
+        }
+    }
+}

@@ -1,7 +1,10 @@
 //! Methods made for a charged particle in the plane, in its position and velocity.
 
-use crate::scalar::Elementary;
-use crate::system::FullOrbit;
+use super::numerical_method::NumericalMethod;
+use super::request::{Method, Request};
+use crate::error::Error;
+use crate::scalar::{Elementary, Pack};
+use crate::system::{FullOrbit, System};
 
 /// z ← the flow over `time`, in `steps` equal steps of Boris' method: half a drift, half a kick by the electric
 /// field, a turn by the magnetic one, half a kick, half a drift. It is of second order and preserves volume,
@@ -71,4 +74,110 @@ pub fn velocity_splitting<S: Elementary>(system: &FullOrbit, z: &mut [S], time: 
         }
     }
     system.set_particle([x, y, vx, vy], z);
+}
+
+/// Boris' method.
+const BORIS: &str = "@article{QinEtAl2013,
+  author = {Qin, Hong and Zhang, Shuangxi and Xiao, Jianyuan and Liu, Jian and Sun, Yajuan and Tang, William M.},
+  title = {Why is {B}oris algorithm so good?},
+  journal = {Physics of Plasmas},
+  volume = {20},
+  number = {8},
+  pages = {084503},
+  year = {2013},
+  doi = {10.1063/1.4818428}
+}
+";
+
+/// The explicit symplectic splitting for charged particles.
+const VELOCITY_SPLITTING: &str = "@article{HeEtAl2017,
+  author = {He, Yang and Zhou, Zhaoqi and Sun, Yajuan and Liu, Jian and Qin, Hong},
+  title = {Explicit {K}-symplectic algorithms for charged particle dynamics},
+  journal = {Physics Letters A},
+  volume = {381},
+  number = {6},
+  pages = {568--573},
+  year = {2017},
+  doi = {10.1016/j.physleta.2016.12.031}
+}
+";
+
+/// The charged particle that a system is, or the error that it is none.
+fn particle<'a>(method: &impl NumericalMethod, system: &'a System) -> Result<&'a FullOrbit, Error> {
+    match system {
+        System::FullOrbit(system) => Ok(system),
+        _ => {
+            Err(method.cannot_integrate("this one is of charged particles, the system full-orbit"))
+        }
+    }
+}
+
+/// [`boris`] of scenes.
+pub(super) struct Boris;
+
+impl NumericalMethod for Boris {
+    fn name(&self) -> String {
+        "Boris".into()
+    }
+
+    fn bibtex(&self) -> Option<&'static str> {
+        Some(BORIS)
+    }
+
+    fn check_for(&self, system: &System) -> Result<(), Error> {
+        particle(self, system).map(|_| ())
+    }
+
+    fn trajectories(
+        &self,
+        request: &Request,
+        system: &System,
+        initial: &[f64],
+    ) -> Result<Vec<f64>, Error> {
+        request.step(self, particle(self, system)?, initial)
+    }
+}
+
+impl Method<FullOrbit> for Boris {
+    #[inline(always)]
+    fn take<V: Pack>(&self, system: &FullOrbit, z: &mut [V], interval: f64, steps: usize) {
+        for z in z.chunks_exact_mut(4) {
+            boris(system, z, interval, steps);
+        }
+    }
+}
+
+/// [`velocity_splitting`] of scenes.
+pub(super) struct VelocitySplitting;
+
+impl NumericalMethod for VelocitySplitting {
+    fn name(&self) -> String {
+        "splitting of ½v_x², ½v_y² and φ".into()
+    }
+
+    fn bibtex(&self) -> Option<&'static str> {
+        Some(VELOCITY_SPLITTING)
+    }
+
+    fn check_for(&self, system: &System) -> Result<(), Error> {
+        particle(self, system).map(|_| ())
+    }
+
+    fn trajectories(
+        &self,
+        request: &Request,
+        system: &System,
+        initial: &[f64],
+    ) -> Result<Vec<f64>, Error> {
+        request.step(self, particle(self, system)?, initial)
+    }
+}
+
+impl Method<FullOrbit> for VelocitySplitting {
+    #[inline(always)]
+    fn take<V: Pack>(&self, system: &FullOrbit, z: &mut [V], interval: f64, steps: usize) {
+        for z in z.chunks_exact_mut(4) {
+            velocity_splitting(system, z, interval, steps);
+        }
+    }
 }

@@ -2,12 +2,14 @@
 
 use super::GaussLegendre;
 use super::gauss::MAXIMUM;
+use super::numerical_method::NumericalMethod;
 use super::request::{Request, store_states};
 use crate::error::Error;
 use crate::network::load_groups;
 use crate::scalar::{Kernel, Pack, WIDTH, on_independent_lanes};
-use crate::system::Hamiltonian;
+use crate::system::{Hamiltonian, System, each_system};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 impl GaussLegendre {
     /// The states of trajectories from each of the points in `initial`, as a request asks for them.
@@ -235,5 +237,37 @@ impl GaussLegendre {
             }
         }
         true
+    }
+}
+
+/// [`GaussLegendre`] as scenes declare it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GaussLegendreSettings {
+    /// s, the number of stages.
+    pub stages: usize,
+}
+
+impl NumericalMethod for GaussLegendreSettings {
+    fn name(&self) -> String {
+        match self.stages {
+            1 => "Gauss–Legendre, 1 stage".into(),
+            stages => format!("Gauss–Legendre, {stages} stages"),
+        }
+    }
+
+    fn check(&self) -> Result<(), Error> {
+        const MOST: usize = 64;
+        Error::check_count_range("stages", self.stages, 1, MOST)
+    }
+
+    fn trajectories(
+        &self,
+        request: &Request,
+        system: &System,
+        initial: &[f64],
+    ) -> Result<Vec<f64>, Error> {
+        let method = GaussLegendre::new(self.stages);
+        each_system!(system, system => method.trajectories(system, initial, *request))
     }
 }

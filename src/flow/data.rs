@@ -378,8 +378,7 @@ impl Pairs {
         let dim = 2 * system.dof();
         let judged = |rows: &[f64]| judged(rows, dim);
         let (input, found) = (judged(&points), judged(&output));
-        let twice = steps.saturating_mul(2);
-        let finer = integrator.finer().checked_trajectories(system, &input, time, twice, 1)?;
+        let finer = integrator.finer_trajectories(system, &input, time, steps, 1)?;
         let error = largest_difference(&finer, &found);
         integrator.check_finite(error, time)?;
         Ok((Self::new(&integrator.name(), system.dof(), points, output)?, error))

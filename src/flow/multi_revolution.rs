@@ -1,11 +1,16 @@
 //! Multi-revolution compositions: many fast periods by a few periods with a larger perturbation.
 
-use super::stroboscopic::{LONGEST_REST, rest_of};
-use super::{Splitting, SplittingSteps};
-use crate::scalar::{Dual, Elementary, Over, Scalar};
-use crate::system::Splittable;
+use super::numerical_method::NumericalMethod;
+use super::parts::{check_periodic_parts, each_splittable};
+use super::request::{Method, Request};
+use super::stroboscopic::{LONGEST_REST, StroboscopicSettings, rest_of};
+use super::{MicroSteps, Splitting, SplittingSteps};
+use crate::error::Error;
+use crate::scalar::{Dual, Elementary, Over, Pack, Scalar};
+use crate::system::{Splittable, System};
 use faer::Side;
 use faer::linalg::solvers::Solve;
+use serde::{Deserialize, Serialize};
 
 /// The flow over many fast periods P = 2π/ω₀, by a few periods of a system that is perturbed more strongly.
 ///
@@ -205,4 +210,80 @@ fn exponential<S: Scalar>(word: &[usize], t: impl Fn(usize) -> S) -> S {
     (1..).zip(word).fold(S::from_f64(1.0), |product, (place, &letter)| {
         product * t(letter) * S::from_f64(1.0 / f64::from(place))
     })
+}
+
+/// Multi-revolution compositions.
+const BIBTEX: &str = "@article{ChartierEtAl2014,
+  author = {Chartier, Philippe and Makazaga, Joseba and Murua, Ander and Vilmart, Gilles},
+  title = {Multi-revolution composition methods for highly oscillatory differential equations},
+  journal = {Numerische Mathematik},
+  volume = {128},
+  number = {1},
+  pages = {167--192},
+  year = {2014},
+  doi = {10.1007/s00211-013-0602-0}
+}
+";
+
+/// [`MultiRevolution`] as scenes declare it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MultiRevolutionSettings {
+    /// Steps of a splitting in a period.
+    pub micro: usize,
+    /// 2 or 4, in the size of the steps.
+    pub order: usize,
+    /// The splitting.
+    #[serde(default, skip_serializing_if = "MicroSteps::is_usual")]
+    pub by: MicroSteps,
+}
+
+impl NumericalMethod for MultiRevolutionSettings {
+    fn name(&self) -> String {
+        let (order, micro, steps) = (self.order, self.micro, self.by.words());
+        format!("multi-revolution composition of order {order}, {micro} {steps} a period")
+    }
+
+    fn bibtex(&self) -> Option<&'static str> {
+        Some(BIBTEX)
+    }
+
+    fn check(&self) -> Result<(), Error> {
+        Error::check_count_range("micro", self.micro, 1, 1000)?;
+        match self.order {
+            2 | 4 => Ok(()),
+            order => Err(Error::invalid("order", order, "2 or 4")),
+        }
+    }
+
+    fn check_for(&self, system: &System) -> Result<(), Error> {
+        check_periodic_parts(self, system)
+    }
+
+    fn finer(&self) -> Option<Box<dyn NumericalMethod>> {
+        // More steps do not reduce the error of a period.
+        Some(Box::new(StroboscopicSettings::REFERENCE))
+    }
+
+    fn trajectories(
+        &self,
+        request: &Request,
+        system: &System,
+        initial: &[f64],
+    ) -> Result<Vec<f64>, Error> {
+        Error::check_count_range("steps", request.steps, 1, usize::MAX)?;
+        let (time, count) = (request.interval, request.steps);
+        let micro = (self.by.splitting(), self.micro);
+        each_splittable!(self, system, system => {
+            let method = MultiRevolution::new(system, time, count, micro, self.order);
+            request.step(&method, system, initial)
+        })
+    }
+}
+
+impl<H: Splittable> Method<H> for MultiRevolution {
+    #[inline(always)]
+    fn take<V: Pack>(&self, system: &H, z: &mut [V], _: f64, steps: usize) {
+        MultiRevolution::take(self, system, z, steps);
+    }
 }

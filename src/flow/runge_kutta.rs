@@ -1,7 +1,10 @@
 //! The classical fourth-order Runge–Kutta method.
 
-use crate::scalar::Elementary;
-use crate::system::{Hamiltonian, NaturalCoordinates};
+use super::numerical_method::NumericalMethod;
+use super::request::{Method, Request};
+use crate::error::Error;
+use crate::scalar::{Elementary, Pack};
+use crate::system::{Hamiltonian, NaturalCoordinates, System, each_system};
 
 /// Small systems keep their working space on the stack.
 const STACK: usize = 16;
@@ -92,6 +95,33 @@ fn of_field<S: Elementary>(field: &impl Field, z: &mut [S], time: f64, steps: us
         }
         for i in 0..dim {
             z[i] = S::from_f64(h / 6.0).mul_add(sum[i], z[i]);
+        }
+    }
+}
+
+/// [`runge_kutta_4`] of scenes.
+pub(super) struct RungeKutta4;
+
+impl NumericalMethod for RungeKutta4 {
+    fn name(&self) -> String {
+        "RK4".into()
+    }
+
+    fn trajectories(
+        &self,
+        request: &Request,
+        system: &System,
+        initial: &[f64],
+    ) -> Result<Vec<f64>, Error> {
+        each_system!(system, system => request.step(self, system, initial))
+    }
+}
+
+impl<H: Hamiltonian> Method<H> for RungeKutta4 {
+    #[inline(always)]
+    fn take<V: Pack>(&self, system: &H, z: &mut [V], interval: f64, steps: usize) {
+        for z in z.chunks_exact_mut(2 * system.dof()) {
+            runge_kutta_4(system, z, interval, steps);
         }
     }
 }

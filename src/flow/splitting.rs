@@ -3,6 +3,7 @@
 use crate::layer::Turn;
 use crate::scalar::{Elementary, Over, Real};
 use crate::system::Splittable;
+use serde::{Deserialize, Serialize};
 
 /// A symmetric composition of the flows of the two parts,
 /// A(a₁h) B(b₁h) A(a₂h) … A(a₁h), symplectic for every step.
@@ -202,6 +203,38 @@ impl<P: Real> SplittingSteps<P> {
         }
         for z in z.chunks_exact_mut(dim) {
             system.leave(z);
+        }
+    }
+}
+
+/// The splitting whose steps a period is made of.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum MicroSteps {
+    /// [`Splitting::ABA_1064`].
+    #[default]
+    #[serde(rename = "aba-1064")]
+    Aba1064,
+    /// [`Splitting::STRANG`].
+    Strang,
+}
+
+impl MicroSteps {
+    pub(super) fn is_usual(&self) -> bool {
+        *self == Self::default()
+    }
+
+    pub(super) fn words(self) -> &'static str {
+        match self {
+            Self::Aba1064 => "steps",
+            Self::Strang => "steps of Strang",
+        }
+    }
+
+    pub(super) fn splitting(self) -> Splitting {
+        match self {
+            Self::Aba1064 => Splitting::ABA_1064,
+            Self::Strang => Splitting::STRANG,
         }
     }
 }

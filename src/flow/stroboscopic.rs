@@ -1,8 +1,13 @@
 //! Stroboscopic averaging: long times in steps of the slow motion.
 
-use super::{Splitting, SplittingSteps};
-use crate::scalar::{Elementary, Over};
-use crate::system::Splittable;
+use super::numerical_method::NumericalMethod;
+use super::parts::{check_periodic_parts, each_splittable};
+use super::request::{Method, Request};
+use super::{MicroSteps, Splitting, SplittingSteps};
+use crate::error::Error;
+use crate::scalar::{Elementary, Over, Pack};
+use crate::system::{Splittable, System};
+use serde::{Deserialize, Serialize};
 
 /// The flow over many fast periods P = 2π/ω₀, by an averaged equation that is computed from the map M over one period:
 /// where M is near the identity, z at whole periods is on a trajectory of
@@ -149,5 +154,90 @@ impl Stroboscopic {
                 }
             }
         }
+    }
+}
+
+/// Stroboscopic averaging.
+const BIBTEX: &str = "@article{CalvoEtAl2011,
+  author = {Calvo, Mari Paz and Chartier, Philippe and Murua, Ander and Sanz-Serna, Jes\\'us Mar\\'ia},
+  title = {Numerical stroboscopic averaging for {ODE}s and {DAE}s},
+  journal = {Applied Numerical Mathematics},
+  volume = {61},
+  number = {10},
+  pages = {1077--1095},
+  year = {2011},
+  doi = {10.1016/j.apnum.2011.06.007}
+}
+";
+
+/// [`Stroboscopic`] as scenes declare it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StroboscopicSettings {
+    /// Steps of a splitting in a period.
+    pub micro: usize,
+    /// The number m of central differences, with errors O(ε²ᵐ); 0 is the forward difference, with errors O(ε).
+    #[serde(default = "two")]
+    pub differences: usize,
+    /// The splitting.
+    #[serde(default, skip_serializing_if = "MicroSteps::is_usual")]
+    pub by: MicroSteps,
+}
+
+/// The differences that scenes do not name.
+fn two() -> usize {
+    2
+}
+
+impl StroboscopicSettings {
+    /// What estimates the error of averaged equations, whose own steps and angles leave some of it.
+    pub(super) const REFERENCE: Self = Self { micro: 16, differences: 3, by: MicroSteps::Aba1064 };
+}
+
+impl NumericalMethod for StroboscopicSettings {
+    fn name(&self) -> String {
+        let (order, steps) = ((2 * self.differences).max(1), self.by.words());
+        format!("stroboscopic averaging of order {order}, {} {steps} a period", self.micro)
+    }
+
+    fn bibtex(&self) -> Option<&'static str> {
+        Some(BIBTEX)
+    }
+
+    fn check(&self) -> Result<(), Error> {
+        Error::check_count_range("micro", self.micro, 1, 1000)?;
+        let most = Stroboscopic::MOST_DIFFERENCES;
+        Error::check_count_range("differences", self.differences, 0, most)
+    }
+
+    fn check_for(&self, system: &System) -> Result<(), Error> {
+        check_periodic_parts(self, system)
+    }
+
+    fn finer(&self) -> Option<Box<dyn NumericalMethod>> {
+        // A finer map of a period and one more difference, since more steps do not reduce those errors.
+        let (micro, differences) = (2 * self.micro, self.differences + 1);
+        Some(Box::new(Self { micro, differences, by: self.by }))
+    }
+
+    fn trajectories(
+        &self,
+        request: &Request,
+        system: &System,
+        initial: &[f64],
+    ) -> Result<Vec<f64>, Error> {
+        Error::check_count_range("steps", request.steps, 1, usize::MAX)?;
+        let micro = (self.by.splitting(), self.micro);
+        each_splittable!(self, system, system => {
+            let method = Stroboscopic::new(system, request.interval, micro, self.differences);
+            request.step(&method, system, initial)
+        })
+    }
+}
+
+impl<H: Splittable> Method<H> for Stroboscopic {
+    #[inline(always)]
+    fn take<V: Pack>(&self, system: &H, z: &mut [V], _: f64, steps: usize) {
+        Stroboscopic::take(self, system, z, steps);
     }
 }

@@ -1,8 +1,11 @@
 //! Explicit Runge–Kutta methods by their tableaux, in steps of one size: that of order 8 of Dormand and Prince.
 
+use super::numerical_method::NumericalMethod;
+use super::request::{Method, Request};
 use super::runge_kutta::{Canonical, Field, Natural};
-use crate::scalar::Elementary;
-use crate::system::{Hamiltonian, NaturalCoordinates};
+use crate::error::Error;
+use crate::scalar::{Elementary, Pack};
+use crate::system::{Hamiltonian, NaturalCoordinates, System, each_system};
 
 /// The coefficients of an explicit Runge–Kutta method, without those that are 0.
 #[derive(Clone, Copy, Debug)]
@@ -184,6 +187,54 @@ impl Tableau<'_> {
             }
             advance(z, self.weights, slopes, stage);
             z.copy_from_slice(stage);
+        }
+    }
+}
+
+/// The method of order 8.
+pub(super) const DORMAND_PRINCE: &str = "@book{HairerNorsettWanner1993,
+  author = {Hairer, Ernst and N{\\o}rsett, Syvert P. and Wanner, Gerhard},
+  title = {Solving Ordinary Differential Equations {I}: Nonstiff Problems},
+  edition = {2},
+  publisher = {Springer},
+  year = {1993},
+  doi = {10.1007/978-3-540-78862-1}
+}
+";
+
+/// [`Tableau::DORMAND_PRINCE_8`] of scenes.
+pub(super) struct DormandPrince8;
+
+impl NumericalMethod for DormandPrince8 {
+    fn name(&self) -> String {
+        "Dormand–Prince 8".into()
+    }
+
+    fn bibtex(&self) -> Option<&'static str> {
+        Some(DORMAND_PRINCE)
+    }
+
+    fn trajectories(
+        &self,
+        request: &Request,
+        system: &System,
+        initial: &[f64],
+    ) -> Result<Vec<f64>, Error> {
+        let method = Explicit { tableau: Tableau::DORMAND_PRINCE_8 };
+        each_system!(system, system => request.step(&method, system, initial))
+    }
+}
+
+/// By a tableau, which is known when it runs: of a constant one each stage would be compiled by itself.
+struct Explicit {
+    tableau: Tableau<'static>,
+}
+
+impl<H: Hamiltonian> Method<H> for Explicit {
+    #[inline(always)]
+    fn take<V: Pack>(&self, system: &H, z: &mut [V], interval: f64, steps: usize) {
+        for z in z.chunks_exact_mut(2 * system.dof()) {
+            self.tableau.take(system, z, interval, steps);
         }
     }
 }

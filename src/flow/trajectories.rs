@@ -145,9 +145,7 @@ impl ReferenceTrajectories {
     ) -> Result<Self, Error> {
         let (dim, kept) = (2 * system.dof(), states.saturating_sub(1));
         let coarse = integrator.trajectories(system, initial, interval, steps, kept)?;
-        let twice = steps.saturating_mul(2);
-        let fine =
-            integrator.finer().checked_trajectories(system, initial, interval, twice, kept)?;
+        let fine = integrator.finer_trajectories(system, initial, interval, steps, kept)?;
         let distances =
             fine.chunks_exact(dim).zip(coarse.chunks_exact(dim)).rev().take(initial.len() / dim);
         let error = distances.map(|(a, b)| distance(a, b)).fold(0.0, max_or_nan);

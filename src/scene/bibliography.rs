@@ -142,94 +142,6 @@ pub(super) const FIELD_LINES: &str = "@article{RathEtAl2021,
 }
 ";
 
-/// ABA(8,6,4) and ABA(10,6,4).
-pub(super) const SPLITTINGS: &str = "@article{BlanesEtAl2013,
-  author = {Blanes, Sergio and Casas, Fernando and Farr\\'es, Ariadna and Laskar, Jacques and Makazaga, Joseba and Murua, Ander},
-  title = {New families of symplectic splitting methods for numerical integration in dynamical astronomy},
-  journal = {Applied Numerical Mathematics},
-  volume = {68},
-  pages = {58--72},
-  year = {2013},
-  doi = {10.1016/j.apnum.2013.01.003}
-}
-";
-
-/// Yoshida's splitting of order 4.
-pub(super) const YOSHIDA: &str = "@article{Yoshida1990,
-  author = {Yoshida, Haruo},
-  title = {Construction of higher order symplectic integrators},
-  journal = {Physics Letters A},
-  volume = {150},
-  number = {5--7},
-  pages = {262--268},
-  year = {1990},
-  doi = {10.1016/0375-9601(90)90092-3}
-}
-";
-
-/// Boris' method.
-pub(super) const BORIS: &str = "@article{QinEtAl2013,
-  author = {Qin, Hong and Zhang, Shuangxi and Xiao, Jianyuan and Liu, Jian and Sun, Yajuan and Tang, William M.},
-  title = {Why is {B}oris algorithm so good?},
-  journal = {Physics of Plasmas},
-  volume = {20},
-  number = {8},
-  pages = {084503},
-  year = {2013},
-  doi = {10.1063/1.4818428}
-}
-";
-
-/// The explicit symplectic splitting for charged particles.
-pub(super) const VELOCITY_SPLITTING: &str = "@article{HeEtAl2017,
-  author = {He, Yang and Zhou, Zhaoqi and Sun, Yajuan and Liu, Jian and Qin, Hong},
-  title = {Explicit {K}-symplectic algorithms for charged particle dynamics},
-  journal = {Physics Letters A},
-  volume = {381},
-  number = {6},
-  pages = {568--573},
-  year = {2017},
-  doi = {10.1016/j.physleta.2016.12.031}
-}
-";
-
-/// Stroboscopic averaging.
-pub(super) const STROBOSCOPIC: &str = "@article{CalvoEtAl2011,
-  author = {Calvo, Mari Paz and Chartier, Philippe and Murua, Ander and Sanz-Serna, Jes\\'us Mar\\'ia},
-  title = {Numerical stroboscopic averaging for {ODE}s and {DAE}s},
-  journal = {Applied Numerical Mathematics},
-  volume = {61},
-  number = {10},
-  pages = {1077--1095},
-  year = {2011},
-  doi = {10.1016/j.apnum.2011.06.007}
-}
-";
-
-/// The method of order 8.
-pub(super) const DORMAND_PRINCE: &str = "@book{HairerNorsettWanner1993,
-  author = {Hairer, Ernst and N{\\o}rsett, Syvert P. and Wanner, Gerhard},
-  title = {Solving Ordinary Differential Equations {I}: Nonstiff Problems},
-  edition = {2},
-  publisher = {Springer},
-  year = {1993},
-  doi = {10.1007/978-3-540-78862-1}
-}
-";
-
-/// Multi-revolution compositions.
-pub(super) const MULTI_REVOLUTION: &str = "@article{ChartierEtAl2014,
-  author = {Chartier, Philippe and Makazaga, Joseba and Murua, Ander and Vilmart, Gilles},
-  title = {Multi-revolution composition methods for highly oscillatory differential equations},
-  journal = {Numerische Mathematik},
-  volume = {128},
-  number = {1},
-  pages = {167--192},
-  year = {2014},
-  doi = {10.1007/s00211-013-0602-0}
-}
-";
-
 /// Tables of steps.
 pub(super) const SPLINES: &str = "@book{deBoor2001,
   author = {de Boor, Carl},
@@ -250,17 +162,6 @@ pub(super) const GENERATING_FUNCTIONS: &str = "@article{Abdullaev1999,
   pages = {2745--2766},
   year = {1999},
   doi = {10.1088/0305-4470/32/15/004}
-}
-";
-
-/// Averaged equations.
-pub(super) const AVERAGING: &str = "@book{SandersVerhulstMurdock2007,
-  author = {Sanders, Jan A. and Verhulst, Ferdinand and Murdock, James},
-  title = {Averaging Methods in Nonlinear Dynamical Systems},
-  edition = {2},
-  publisher = {Springer},
-  year = {2007},
-  doi = {10.1007/978-0-387-48918-6}
 }
 ";
 

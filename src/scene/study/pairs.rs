@@ -4,7 +4,6 @@
 use super::shared::Study;
 use super::work_precision::citations;
 use crate::flow::{Condition, Integrator, Pairs};
-use crate::scene::bibliography::DORMAND_PRINCE;
 use crate::scene::context::{Context, RunError};
 use crate::scene::declared::Declared;
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
@@ -25,7 +24,7 @@ impl Study for PairsStudy {
 
     fn cites(&self, scene: &Declared<'_>) -> Vec<&'static str> {
         if scene.setup.data.as_ref().is_some_and(|data| data.lines.is_some()) {
-            return vec![DORMAND_PRINCE];
+            return Vec::from_iter(Integrator::DormandPrince8.bibtex());
         }
         let of_data = |data: &Data| data.flow.map(|flow| flow.integrator);
         citations(scene.setup.data.as_ref().and_then(of_data).into_iter())
@@ -72,11 +71,9 @@ impl Study for PairsStudy {
             None if file.is_some() => "of a file: its error is not known".to_owned(),
             Some(FlowBy { integrator, step }) => {
                 let (name, step) = (integrator.name(), Format::Setting.number(step));
-                let halves = match integrator {
-                    Integrator::Stroboscopic { .. } | Integrator::MultiRevolution { .. } => {
-                        "largest difference from steps half as long of a finer map of the period"
-                    }
-                    _ => "largest difference from steps half as long",
+                let halves = match integrator.is_judged_by_another() {
+                    true => "largest difference from steps half as long of a finer method",
+                    false => "largest difference from steps half as long",
                 };
                 format!("{name}, steps of {step} at most; {halves} {error:.1e}")
             }

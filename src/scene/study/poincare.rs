@@ -7,7 +7,9 @@ use super::section_maps::{
 use super::shared::{Study, finite};
 use super::work_precision::MOST_ROUNDS;
 use crate::error::Error;
-use crate::flow::{PolynomialMap, PolynomialOnSection, Symmetries, TabulatedLines, Trajectories};
+use crate::flow::{
+    Integrator, PolynomialMap, PolynomialOnSection, Symmetries, TabulatedLines, Trajectories,
+};
 use crate::io::{Provenance, StoredModel};
 use crate::layer::Reversor;
 use crate::measure::{
@@ -16,9 +18,7 @@ use crate::measure::{
 };
 use crate::network::Rollout;
 use crate::scalar::max_or_nan;
-use crate::scene::bibliography::{
-    BIRKHOFF_AVERAGES, DORMAND_PRINCE, MAP_METHODS, RESIDUES, SYMPLECTIC_MAPS,
-};
+use crate::scene::bibliography::{BIRKHOFF_AVERAGES, MAP_METHODS, RESIDUES, SYMPLECTIC_MAPS};
 use crate::scene::context::{Context, LINES, RunError};
 use crate::scene::declared::Declared;
 use crate::scene::figure::{Axis, Figure, Panel, SameAxes, Series, Style};
@@ -201,7 +201,8 @@ impl Study for PoincareOptions {
     }
 
     fn cites(&self, _: &Declared<'_>) -> Vec<&'static str> {
-        let mut cited = vec![DORMAND_PRINCE, MAP_METHODS, BIRKHOFF_AVERAGES, RESIDUES];
+        let mut cited = Vec::from_iter(Integrator::DormandPrince8.bibtex());
+        cited.extend([MAP_METHODS, BIRKHOFF_AVERAGES, RESIDUES]);
         cited.extend(self.symplectic().next().map(|_| SYMPLECTIC_MAPS));
         cited
     }

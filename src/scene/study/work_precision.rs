@@ -17,10 +17,7 @@ use crate::network::{
     Composition, Model, Rollout, map_jacobians, map_jacobians_by_duals, map_points,
 };
 use crate::phase::Direction;
-use crate::scene::bibliography::{
-    AVERAGING, BORIS, DORMAND_PRINCE, GAUSS_LEGENDRE, MULTI_REVOLUTION, SPLITTINGS, STROBOSCOPIC,
-    VELOCITY_SPLITTING, YOSHIDA,
-};
+use crate::scene::bibliography::GAUSS_LEGENDRE;
 use crate::scene::context::{Context, RunError};
 use crate::scene::data_sets::DataSets;
 use crate::scene::declared::Declared;
@@ -194,22 +191,7 @@ impl Study for WorkPrecisionOptions {
 /// BibTeX entries of the reference and of integrators.
 pub(super) fn citations(integrators: impl Iterator<Item = Integrator>) -> Vec<&'static str> {
     let mut out = vec![GAUSS_LEGENDRE];
-    for integrator in integrators {
-        out.extend(match integrator {
-            Integrator::Aba864 | Integrator::Aba1064 => Some(SPLITTINGS),
-            Integrator::Yoshida4 => Some(YOSHIDA),
-            Integrator::Boris => Some(BORIS),
-            Integrator::VelocitySplitting => Some(VELOCITY_SPLITTING),
-            Integrator::Stroboscopic { .. } => Some(STROBOSCOPIC),
-            Integrator::MultiRevolution { .. } => Some(MULTI_REVOLUTION),
-            Integrator::Averaged { .. } => Some(AVERAGING),
-            Integrator::DormandPrince8 | Integrator::NaturalDormandPrince8 => Some(DORMAND_PRINCE),
-            Integrator::RungeKutta4
-            | Integrator::NaturalRungeKutta4
-            | Integrator::Strang
-            | Integrator::GaussLegendre { .. } => None,
-        });
-    }
+    out.extend(integrators.filter_map(Integrator::bibtex));
     out
 }
 
