@@ -5,7 +5,7 @@ use super::{read_bytes, write_atomically};
 use crate::digest;
 use crate::error::Error;
 use crate::flow::{OutsidePolynomials, PolynomialExit, Region};
-use crate::measure::orbits::maps_survived;
+use crate::measure::orbits::{dynamic_aperture, maps_survived};
 use crate::network::{
     Architecture, Course, Invariant, Model, Pace, Rollout, map_jacobians, map_points,
 };
@@ -227,15 +227,40 @@ impl StoredModel {
         let dim = 2 * self.model.composition().dof();
         Error::check_count("coordinates of the region", dim, within.low.len())?;
         self.check_points("points", points)?;
-        let follow = |here: &[f64], maps: usize| {
-            let mut start = here.to_vec();
-            self.to_network(&mut start);
-            let mut states = self.model.rollout(&start, Rollout { steps: maps, every: 1 })?;
-            self.to_data(&mut states);
-            Ok(states.split_off(here.len()))
-        };
+        let follow = |here: &[f64], maps: usize| self.followed(here, maps);
         let stays = |z: &[f64]| within.first_outside(z).is_none();
         maps_survived(&follow, points, dim, maps, &stays)
+    }
+
+    /// The dynamic aperture along rays from a point of the data, as in [`dynamic_aperture`]: for each direction, the
+    /// largest of the radii up to which all points centre + radius·direction stay in a region for `maps` maps.
+    ///
+    /// # Errors
+    /// Those of [`StoredModel::maps_survived`] and of [`dynamic_aperture`].
+    pub fn dynamic_aperture(
+        &self,
+        centre: &[f64],
+        directions: &[Vec<f64>],
+        radii: &[f64],
+        maps: usize,
+        within: &Region,
+    ) -> Result<Vec<f64>, Error> {
+        let dim = 2 * self.model.composition().dof();
+        Error::check_count("coordinates of the region", dim, within.low.len())?;
+        Error::check_count("coordinates of the centre", dim, centre.len())?;
+        self.check_points("centre", centre)?;
+        let follow = |here: &[f64], maps: usize| self.followed(here, maps);
+        let stays = |z: &[f64]| within.first_outside(z).is_none();
+        dynamic_aperture(&follow, centre, directions, radii, maps, &stays)
+    }
+
+    /// The states of orbits from points of the data after 1, …, `maps` maps, whatever becomes of them.
+    fn followed(&self, here: &[f64], maps: usize) -> Result<Vec<f64>, Error> {
+        let mut start = here.to_vec();
+        self.to_network(&mut start);
+        let mut states = self.model.rollout(&start, Rollout { steps: maps, every: 1 })?;
+        self.to_data(&mut states);
+        Ok(states.split_off(here.len()))
     }
 
     /// Where trajectories leave the box of the network's polynomials. `values` is (T, M, 2n), with M = `points`

@@ -22,6 +22,8 @@ pub struct Branch {
 
 /// Points at most: more are a mistake.
 const MOST: usize = 1_000_000;
+/// Parts of the segment along the eigenvector, before points are inserted.
+const PARTS: usize = 8;
 /// Applications of the map to one point, at most.
 const MOST_MAPS: usize = 10_000;
 
@@ -63,43 +65,63 @@ pub fn manifold(
     let unit = vector.map(|v| sign * v / size(vector));
     let (periods, factor) = if own < 0.0 { (2, own * own) } else { (1, own) };
     let maps = periods * orbit.period();
-    // A point by the share of the way from the beginning of the segment to its end, in ln of the distance, and how
-    // often it is moved on: u = 3.25 is the point at a quarter after three times round.
-    let at = |u: f64| -> Result<[f64; 2], Error> {
-        let times = u.floor();
-        let distance = start * libm::pow(factor, u - times);
-        let mut z = [0, 1].map(|k| orbit.points[0][k] + distance * unit[k]);
-        for _ in 0..times as usize * maps {
+    // A point of the segment by its share of the way from the beginning to the end, in ln of the distance, after the
+    // segment was mapped on so many times.
+    let carried = |share: f64, rounds: usize| -> Result<[f64; 2], Error> {
+        let distance = start * libm::pow(factor, share);
+        let mut z = [0, 1].map(|k| distance.mul_add(unit[k], orbit.points[0][k]));
+        for _ in 0..rounds * maps {
             map(&mut z)?;
         }
         Ok(z)
     };
-    let most = (MOST_MAPS / maps).max(1) as f64;
-    let mut step = 0.1;
-    let (mut u, mut here) = (0.0, at(0.0)?);
-    let (mut out, mut gone) = (here.to_vec(), 0.0);
-    while gone < length && u < most {
-        let next = at(u + step)?;
-        let apart = libm::hypot(next[0] - here[0], next[1] - here[1]);
-        if !apart.is_finite() {
-            break;
+    let parts = (0..=PARTS).map(|part| part as f64 / PARTS as f64);
+    let segment: Result<Vec<_>, _> = parts.map(|share| Ok((share, carried(share, 0)?))).collect();
+    let mut segment: Vec<(f64, [f64; 2])> = segment?;
+    let first = segment[0].1;
+    let (mut out, mut last, mut gone) = (first.to_vec(), first, 0.0);
+    for rounds in 0..MOST_MAPS.div_ceil(maps) {
+        let (mut coming, mut passed) = (std::mem::take(&mut segment), Vec::new());
+        coming.reverse();
+        passed.extend(coming.pop());
+        while let (Some(&(from, here)), Some(&(to, next))) = (passed.last(), coming.last()) {
+            let apart = distance(here, next);
+            if !apart.is_finite() {
+                return Ok(out);
+            }
+            if passed.len() + coming.len() > MOST || out.len() > 2 * MOST {
+                let found = format!("more than {MOST} points");
+                return Err(Error::invalid("branch", found, "a wider spacing or a shorter one"));
+            }
+            if apart > spacing && to - from > 8.0 * f64::EPSILON {
+                let middle = 0.5 * (from + to);
+                coming.push((middle, carried(middle, rounds)?));
+                continue;
+            }
+            // Of points nearer to one another than they have to be some are left out.
+            if distance(last, next) > spacing {
+                gone += distance(last, here);
+                last = here;
+                out.extend(here);
+            }
+            if gone + distance(last, next) >= length {
+                out.extend(next);
+                return Ok(out);
+            }
+            passed.extend(coming.pop());
         }
-        if apart > spacing && step > f64::EPSILON * (1.0 + u) * 8.0 {
-            step *= 0.5;
-            continue;
-        }
-        if out.len() >= 2 * MOST {
-            let found = format!("more than {MOST} points");
-            return Err(Error::invalid("branch", found, "a wider spacing or a shorter one"));
-        }
-        (u, here) = (u + step, next);
-        gone += apart;
-        out.extend(next);
-        if apart < 0.5 * spacing {
-            step = if step < 0.25 { step * 1.6 } else { 0.4 };
+        segment = passed;
+        for (_, z) in &mut segment {
+            for _ in 0..maps {
+                map(z)?;
+            }
         }
     }
     Ok(out)
+}
+
+fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
+    libm::hypot(b[0] - a[0], b[1] - a[1])
 }
 
 /// The smaller alignment index (SALI) after `maps` maps: the smaller of |v + w| and |v − w| for two unit vectors v and

@@ -23,7 +23,7 @@ use crate::network::{Architecture, Course, Pace, Rollout};
 use crate::phase::Direction;
 use crate::scalar::{Grid, GridNumbers};
 use crate::scene::{own_invariance_fault, render};
-use arrays::{Points, Rows, array, points_of};
+use arrays::{Points, Rows, array, point_of, points_of, rows_of};
 use numpy::{PyArray1, PyArrayDyn};
 use outside::{Outside, box_of, survived};
 use pyo3::prelude::*;
@@ -458,6 +458,33 @@ impl Model {
         survived(py, &points, steps, || self.stored.maps_survived(&points.values, steps, &region))
     }
 
+    /// The dynamic aperture along rays from `centre`, 2n numbers: for each of `directions`, (M, 2n), the largest of
+    /// `radii`, which ascend, up to which all points centre + radius * direction stay in a box for `steps` steps, or 0:
+    /// (M,). The box is as in `survival`. Raises Error as `survival`.
+    #[pyo3(signature = (centre, directions, radii, steps, low=None, high=None))]
+    #[allow(clippy::too_many_arguments, reason = "keywords of Python")]
+    fn dynamic_aperture<'py>(
+        &self,
+        py: Python<'py>,
+        centre: Rows<'py>,
+        directions: Rows<'py>,
+        radii: Vec<f64>,
+        steps: usize,
+        low: Option<Vec<f64>>,
+        high: Option<Vec<f64>>,
+    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        let dim = 2 * self.dof();
+        let centre = point_of("centre", &centre, self.dof())?;
+        let directions = rows_of("directions", &directions, self.dof())?;
+        let directions: Vec<Vec<f64>> = directions.chunks_exact(dim).map(<[f64]>::to_vec).collect();
+        let own = self.stored.provenance.region.as_ref();
+        let region = box_of([low, high], own, self.dof())?;
+        let found = py.detach(|| {
+            self.stored.dynamic_aperture(&centre, &directions, &radii, steps, &region)
+        })?;
+        array(py, found, vec![directions.len()])
+    }
+
     /// The distinct orbits of exactly `period` steps that Newton's method with exact Jacobians finds from `guesses`,
     /// (N, 2n), in units of the data. Each is a dictionary: points, (period, 2n); multiplier, the Jacobian of a whole
     /// period, (2n, 2n); its trace; residue, Greene's (2 - trace)/4; and missed, by how much the orbit misses its
@@ -808,7 +835,7 @@ mod _native {
     #[pymodule_export]
     use super::lines::FieldLines;
     #[pymodule_export]
-    use super::orbits::{PyInvariantCircle, rotation_number, tunes};
+    use super::orbits::{PyInvariantCircle, rotation_number, spectral_lines, tunes};
     #[pymodule_export]
     use super::polynomials::PySymplecticPolynomial;
     #[pymodule_export]

@@ -6,7 +6,7 @@ use crate::flow::Trajectories;
 use crate::io::{StoredModel, read_section};
 use crate::measure::orbits::{
     Branch, InvariantCircle, PeriodicOrbit, WithJacobian, manifold, periodic_orbit,
-    periodic_orbits, rotation_numbers, tunes as tunes_of,
+    periodic_orbits, rotation_numbers, spectral_lines as lines_of, tunes as tunes_of,
 };
 use crate::network::Rollout;
 use crate::phase::Direction;
@@ -123,6 +123,29 @@ pub(super) fn tunes<'py>(py: Python<'py>, orbits: Rows<'py>) -> PyResult<TwoArra
     let turns = found.iter().flat_map(|one| one.turns.clone()).collect();
     let changes = found.into_iter().flat_map(|one| one.changes).collect();
     Ok((of(turns)?, of(changes)?))
+}
+
+/// The strongest spectral lines of a signal (T, 2), the x and y of x + iy, at most `count` of them: (frequencies,
+/// amplitudes), (K,) and (K, 2). A line is amplitude * exp(2 pi i frequency t), with the frequency in turns per sample,
+/// between -1/2 and 1/2. A signal of fewer than 16 samples has none. Raises Error of arrays of other shapes.
+#[pyfunction]
+#[pyo3(signature = (signal, count=8))]
+pub(super) fn spectral_lines<'py>(
+    py: Python<'py>,
+    signal: Rows<'py>,
+    count: usize,
+) -> PyResult<TwoArrays<'py>> {
+    let (values, shape) = read("signal", &signal)?;
+    if shape.len() != 2 || shape[1] != 2 {
+        let found = format!("an array of shape {shape:?}");
+        return Err(Error::invalid("signal", found, "(T, 2)").into());
+    }
+    let signal: Vec<[f64; 2]> = values.chunks_exact(2).map(|z| [z[0], z[1]]).collect();
+    let found = py.detach(|| lines_of(&signal, count));
+    let amplitudes = found.iter().flat_map(|line| line.amplitude).collect();
+    let frequencies: Vec<f64> = found.iter().map(|line| line.frequency).collect();
+    let lines = frequencies.len();
+    Ok((array(py, frequencies, vec![lines])?, array(py, amplitudes, vec![lines, 2])?))
 }
 
 /// The rotation number of an orbit (T, 2) of a map of a plane about `centre`, in turns per step, by weighted Birkhoff

@@ -236,3 +236,41 @@ pub(super) const RESIDUES: &str = "@article{Greene1979,
   doi = {10.1063/1.524170}
 }
 ";
+
+/// Lyapunov exponents.
+pub(super) const EXPONENTS: &str = "@article{BenettinEtAl1980,
+  author = {Benettin, Giancarlo and Galgani, Luigi and Giorgilli, Antonio and Strelcyn, Jean-Marie},
+  title = {{L}yapunov characteristic exponents for smooth dynamical systems and for {H}amiltonian systems; a method for computing all of them. {P}art 1: Theory},
+  journal = {Meccanica},
+  volume = {15},
+  pages = {9--20},
+  year = {1980},
+  doi = {10.1007/BF02128236}
+}
+";
+
+/// The smaller alignment index.
+pub(super) const ALIGNMENT: &str = "@article{Skokos2001,
+  author = {Skokos, Charalampos},
+  title = {Alignment indices: a new, simple method for determining the ordered or chaotic nature of orbits},
+  journal = {Journal of Physics A: Mathematical and General},
+  volume = {34},
+  number = {47},
+  pages = {10029--10043},
+  year = {2001},
+  doi = {10.1088/0305-4470/34/47/309}
+}
+";
+
+/// Manifolds of periodic orbits.
+pub(super) const MANIFOLDS_OF_MAPS: &str = "@article{KrauskopfEtAl2005,
+  author = {Krauskopf, Bernd and Osinga, Hinke M. and Doedel, Eusebius J. and Henderson, Michael E. and Guckenheimer, John and Vladimirsky, Alexander and Dellnitz, Michael and Junge, Oliver},
+  title = {A survey of methods for computing (un)stable manifolds of vector fields},
+  journal = {International Journal of Bifurcation and Chaos},
+  volume = {15},
+  number = {3},
+  pages = {763--791},
+  year = {2005},
+  doi = {10.1142/S0218127405012533}
+}
+";

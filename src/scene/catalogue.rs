@@ -36,6 +36,7 @@ pub fn catalogue() -> &'static [CatalogueEntry] {
         "field-lines",
         "jolts",
         "coils",
+        "edge",
         "controls",
         "full-orbit",
         "two-modes",

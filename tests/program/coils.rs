@@ -16,7 +16,7 @@ fn scene(coils: &str) -> String {
 name = "lines"
 seed = 1
 flow_time = 1.0
-plots = ["poincare", "rotation", "off-surface"]
+plots = ["poincare", "rotation", "off-surface", "edge", "manifolds"]
 [data]
 validation = 0.25
 orbit = 48
@@ -40,6 +40,14 @@ symplectic_polynomials = [8]
 reversible_polynomials = [9]
 planes = [{{ fewer = 2, degree = 6 }}]
 tracing = [2, 1]
+[poincare.edge]
+from = 0.02
+to = 0.045
+lines = 6
+survival = 400
+wall = 0.1
+exponents = 200
+manifold = 0.02
 [[models]]
 name = "jolts"
 network = {{ kind = "normal-form", kicks = {{ count = 3, width = 1, degree = 6 }}, twists = {{ count = 1, width = 1, degree = 4 }}, perturbation = {{ count = 4, width = 1, degree = 6 }} }}
@@ -133,7 +141,8 @@ fn a_scene_of_coils_is_run_and_its_model_predicts_lines() {
     assert!((numbers(whole), numbers(even)) == (44, 29), "{found}");
     // What the reference is known to stands beside it.
     assert!(error("planes of degree 6, 8 steps") > error("coils, 16 steps"), "{found}");
-    for figure in ["poincare.svg", "rotation.csv", "off-surface.svg"] {
+    println!("{}", found["edge"]);
+    for figure in ["poincare.svg", "rotation.csv", "off-surface.svg", "edge.svg", "manifolds.csv"] {
         assert!(path.join("a").join(figure).is_file(), "{figure}");
     }
     // The model is of R and Z in metres.
@@ -195,7 +204,10 @@ fn a_section_that_is_mirrored_has_a_reversible_map() {
     let path = folder.path();
     let of_one = scene(r#"{ kind = "torsatron" }"#);
     let begin = of_one.find("[poincare]").expect("a study");
-    let own = of_one[..begin].replace("plots = [\"poincare\", \"rotation\", \"off-surface\"]", "");
+    let own = of_one[..begin].replace(
+        "plots = [\"poincare\", \"rotation\", \"off-surface\", \"edge\", \"manifolds\"]",
+        "",
+    );
     std::fs::write(path.join("lines.toml"), format!("{own}{REVERSIBLE}")).expect("written");
     succeeds(path, &["run", "lines.toml", "--out", "a"]);
     let model = path.join("a/model.json");

@@ -68,6 +68,27 @@ def test_orbits_survive_until_they_leave(model):
     assert (model.survival(starts, 300) <= found.ravel()).all()
     with pytest.raises(gyroceptron.Error, match="low"):
         model.survival(starts, 10, [-1.0], [1.0])
+    # Along a ray it is the aperture.
+    rays = [[1.0, 0.1, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]
+    low = [-v for v in box]
+    along = model.dynamic_aperture([0.0] * 4, rays, list(radii), 300, low, box)
+    assert along.shape == (2,) and along[0] == aperture[0]
+    assert model.dynamic_aperture([0.0] * 4, rays, [1e3, 2e3], 300, low, box).tolist() == [0.0, 0.0]
+    with pytest.raises(gyroceptron.Error, match="radii"):
+        model.dynamic_aperture([0.0] * 4, rays, [0.2, 0.1], 300, low, box)
+    with pytest.raises(gyroceptron.Error, match="directions"):
+        model.dynamic_aperture([0.0] * 4, [[1.0, 0.0]], [0.1], 300, low, box)
+
+
+def test_spectral_lines_are_found_by_size():
+    t = np.arange(400)
+    signal = np.exp(2j * np.pi * 0.2137 * t) + (0.1 - 0.2j) * np.exp(-2j * np.pi * 0.31 * t)
+    frequencies, amplitudes = gyroceptron.spectral_lines(np.stack([signal.real, signal.imag], -1), 2)
+    assert np.abs(frequencies - [0.2137, -0.31]).max() < 1e-8
+    assert np.abs(amplitudes - [[1.0, 0.0], [0.1, -0.2]]).max() < 1e-6
+    assert gyroceptron.spectral_lines(np.zeros((400, 2)))[0].shape == (0,)
+    with pytest.raises(gyroceptron.Error, match="signal"):
+        gyroceptron.spectral_lines(signal.real)
 
 
 def test_a_symplectic_polynomial_is_fitted_without_training(model):

@@ -16,6 +16,7 @@ from ._native import (
     load,
     prove,
     rotation_number,
+    spectral_lines,
     train,
     tunes,
 )
@@ -40,6 +41,7 @@ __all__ = [
     "rotation_number",
     "run",
     "run_job",
+    "spectral_lines",
     "train",
     "tunes",
 ]

@@ -24,6 +24,7 @@ __all__ = [
     "rotation_number",
     "run",
     "run_job",
+    "spectral_lines",
     "train",
     "tunes",
 ]
@@ -166,6 +167,16 @@ class Model:
         high: Sequence[float] | None = None,
     ) -> NDArray[np.int64]:
         """The number of steps after which each orbit leaves a box, or steps + 1 if it stays."""
+    def dynamic_aperture(
+        self,
+        centre: ArrayLike,
+        directions: ArrayLike,
+        radii: Sequence[float],
+        steps: int,
+        low: Sequence[float] | None = None,
+        high: Sequence[float] | None = None,
+    ) -> NDArray[np.float64]:
+        """The largest radius along each direction (M, 2n) up to which all orbits stay in a box: (M,)."""
     def lyapunov_exponent(self, point: ArrayLike, steps: int) -> float:
         """The finite-time Lyapunov exponent: ln of the growth per step of a small distance."""
     def alignment_index(self, point: ArrayLike, steps: int) -> float:
@@ -344,6 +355,11 @@ class FieldLines:
 
 def tunes(orbits: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """The turns per step of orbits (T, M, 2n) in every plane, and how much those of their halves differ."""
+
+def spectral_lines(
+    signal: ArrayLike, count: int = 8
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The strongest lines of a signal (T, 2), x and y of x + iy: frequencies (K,), amplitudes (K, 2)."""
 
 def rotation_number(
     orbit: ArrayLike, centre: tuple[float, float], near: float = 0.0

@@ -14,6 +14,7 @@ pub mod controls;
 pub mod dissipation;
 pub mod family;
 pub mod frequency_map;
+pub mod line_edge;
 pub mod long_steps;
 pub mod noise;
 pub mod overview;

@@ -1,5 +1,6 @@
 //! Maps of a section of the field of coils: networks beside polynomials, tabulated planes and tracing.
 
+use super::line_edge::{EDGE, EdgeOptions, MANIFOLDS, edge_of};
 use super::rollout::orbit_color;
 use super::section_maps::{
     Chain, Judge, Judged, NamedMap, OrbitFound, Resonance, SURE, SectionMap,
@@ -18,7 +19,10 @@ use crate::measure::{
 };
 use crate::network::Rollout;
 use crate::scalar::max_or_nan;
-use crate::scene::bibliography::{BIRKHOFF_AVERAGES, MAP_METHODS, RESIDUES, SYMPLECTIC_MAPS};
+use crate::scene::bibliography::{
+    ALIGNMENT, BIRKHOFF_AVERAGES, EXPONENTS, MANIFOLDS_OF_MAPS, MAP_METHODS, RESIDUES,
+    SYMPLECTIC_MAPS,
+};
 use crate::scene::context::{Context, LINES, RunError};
 use crate::scene::declared::Declared;
 use crate::scene::figure::{Axis, Figure, Panel, SameAxes, Series, Style};
@@ -81,6 +85,9 @@ pub struct PoincareOptions {
     /// Tracing in the field of the coils, as a rival: each number divides the number of steps of the reference.
     #[serde(default)]
     pub tracing: Vec<usize>,
+    /// Lines over the edge of the surfaces: which are lost, and which are chaotic.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub edge: Option<EdgeOptions>,
 }
 
 /// Planes on which the field of coils is a polynomial.
@@ -155,6 +162,7 @@ impl Study for PoincareOptions {
         for &fewer in &self.tracing {
             Error::check_count_range("tracing", fewer, 1, 1024)?;
         }
+        self.edge.iter().try_for_each(EdgeOptions::check)?;
         let data = scene.setup.data.as_ref();
         if let Some(lines) = data.and_then(|data| data.lines.as_ref())
             && !self.reversible_polynomials.is_empty()
@@ -197,13 +205,22 @@ impl Study for PoincareOptions {
     }
 
     fn figures(&self, _: &Declared<'_>) -> Vec<&'static str> {
-        vec![POINCARE, ROTATION, SURFACES]
+        let mut figures = vec![POINCARE, ROTATION, SURFACES];
+        if let Some(edge) = &self.edge {
+            figures.push(EDGE);
+            figures.extend((edge.manifold > 0.0).then_some(MANIFOLDS));
+        }
+        figures
     }
 
     fn cites(&self, _: &Declared<'_>) -> Vec<&'static str> {
         let mut cited = Vec::from_iter(Integrator::DormandPrince8.bibtex());
         cited.extend([MAP_METHODS, BIRKHOFF_AVERAGES, RESIDUES]);
         cited.extend(self.symplectic().next().map(|_| SYMPLECTIC_MAPS));
+        if let Some(edge) = &self.edge {
+            cited.extend([EXPONENTS, ALIGNMENT]);
+            cited.extend((edge.manifold > 0.0).then_some(MANIFOLDS_OF_MAPS));
+        }
         cited
     }
 
@@ -222,6 +239,7 @@ impl Study for PoincareOptions {
         self.profile = (self.profile / 4).max(2);
         self.reference = (self.reference / 4).max(LEAST_MAPS);
         self.rounds = self.rounds.min(3);
+        self.edge.iter_mut().for_each(EdgeOptions::shorten);
     }
 
     fn run(&self, context: &mut Context<'_>) -> Result<Findings, RunError> {
@@ -232,7 +250,7 @@ impl Study for PoincareOptions {
         let judge = context.stage("lines of the reference", |context| {
             self.judge(&lines, &reference, &|| context.interrupted())
         })?;
-        let mut rivals: Vec<NamedMap<'_>> = Vec::new();
+        let (mut rivals, mut unsolved): (Vec<NamedMap<'_>>, Vec<String>) = Default::default();
         for &degree in &self.polynomials {
             let name = format!("polynomial of degree {degree}");
             let map = context.stage(&name, |_| PolynomialMap::fit(&lines.training, degree))?;
@@ -242,11 +260,25 @@ impl Study for PoincareOptions {
         for (degree, reversor) in self.symplectic() {
             let kind = if reversor.is_some() { "reversible" } else { "symplectic" };
             let name = format!("{kind} polynomial of degree {degree}");
-            let map = context.stage(&name, |_| {
+            let found = context.stage(&name, |_| {
                 let chart = Some(lines.chart.clone());
                 let symmetries = Symmetries { reversor, ..Symmetries::default() };
-                PolynomialOnSection::fit(&lines.training, degree, &symmetries, chart)
+                Ok::<_, RunError>(PolynomialOnSection::fit(
+                    &lines.training,
+                    degree,
+                    &symmetries,
+                    chart,
+                ))
             })?;
+            let map = match found {
+                Ok(map) => map,
+                // Of the other maps there is something to be said.
+                Err(error @ (Error::NoConvergence { .. } | Error::Diverged { .. })) => {
+                    unsolved.push(format!("{name} is left out: {error}."));
+                    continue;
+                }
+                Err(error) => return Err(error.into()),
+            };
             let (parameters, setting) = (Some(map.map().parameters()), Some(degree));
             let map = SectionMap::Generating(Box::new(map));
             rivals.push(NamedMap { name, setting, parameters, map });
@@ -300,6 +332,18 @@ impl Study for PoincareOptions {
         if context.interrupted() {
             return Err(RunError::Interrupted);
         }
+        let edge = match &self.edge {
+            None => Vec::new(),
+            Some(options) => context.stage("edge", |_| {
+                let fast = maps.iter().filter(|named| named.is_fast());
+                let corners = fixed.found.iter().map(|of| of.chain.corner.as_ref());
+                let (maps, own) = (fast.zip(corners).collect::<Vec<_>>(), &fixed.chain.corner);
+                edge_of(options, &judge, (&reference, own.as_ref()), &maps)
+            })?,
+        };
+        if context.interrupted() {
+            return Err(RunError::Interrupted);
+        }
         let timed = context.stage("run times", |_| {
             self.timed(&maps, &judge, [held_out.input(), held_out.output()])
         })?;
@@ -313,8 +357,14 @@ impl Study for PoincareOptions {
         if context.draws(SURFACES) {
             figures.push(surfaces_figure(&found));
         }
+        if let Some(options) = self.edge.as_ref().filter(|_| context.draws(EDGE)) {
+            figures.push(options.figure(&edge));
+        }
+        if context.draws(MANIFOLDS) {
+            figures.push(EdgeOptions::manifolds(&edge));
+        }
         let results = Results { options: self, lines: &lines, judge: &judge, found: &found };
-        let summary = vec![
+        let mut summary = vec![
             Block::Text(results.words()),
             Block::Table(results.table()),
             Block::Text("The furthest of all lines from its curve:".into()),
@@ -322,6 +372,8 @@ impl Study for PoincareOptions {
             Block::Text(fixed.words(&lines)),
             Block::Table(fixed.table()),
         ];
+        summary.extend(unsolved.into_iter().map(Block::Text));
+        summary.extend(self.edge.iter().flat_map(|options| options.summary(&edge)));
         let paid = Paid {
             lines: context.seconds_of(LINES),
             training: context
@@ -366,6 +418,7 @@ impl Study for PoincareOptions {
                     "off_curves": judge.curves,
                     "methods": found,
                     "orbits": fixed,
+                    "edge": edge,
                 }),
                 ..Section::default()
             },

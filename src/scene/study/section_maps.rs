@@ -33,15 +33,13 @@ impl SectionMap<'_> {
     /// States (steps/every + 1, M, 2) of the orbits of M points: from where a line is lost they are NaN.
     pub(super) fn rollout(&self, initial: &[f64], request: Rollout) -> Result<Vec<f64>, Error> {
         match self {
-            Self::Network(model) => match model.rollout(initial, request) {
-                Ok(states) => Ok(states),
-                // Of the other lines there is something to be said.
-                Err(_) => Ok(line_by_line(initial, request, &|start| {
-                    model.rollout(start, request).unwrap_or_else(|_| lost(start, request))
-                })),
-            },
+            Self::Network(model) => {
+                Ok(or_line_by_line(initial, request, |z| model.rollout(z, request)))
+            }
             Self::Polynomial(map) => map.rollout(initial, request),
-            Self::Generating(map) => map.rollout(initial, request),
+            Self::Generating(map) => {
+                Ok(or_line_by_line(initial, request, |z| map.rollout(z, request)))
+            }
             Self::Tabulated(lines) => lines.rollout(initial, request),
             Self::Coils(map) => {
                 let moved = map.trajectories(initial, request.steps)?;
@@ -102,16 +100,19 @@ impl SectionMap<'_> {
     }
 }
 
-fn lost(start: &[f64], request: Rollout) -> Vec<f64> {
-    let mut states = vec![f64::NAN; request.kept() * start.len()];
-    states[..start.len()].copy_from_slice(start);
-    states
-}
-
-fn line_by_line(initial: &[f64], request: Rollout, each: &dyn Fn(&[f64]) -> Vec<f64>) -> Vec<f64> {
+/// The states of all lines, or, where that fails, of one line after another: those that are lost are NaN.
+fn or_line_by_line(
+    initial: &[f64],
+    request: Rollout,
+    rollout: impl Fn(&[f64]) -> Result<Vec<f64>, Error>,
+) -> Vec<f64> {
+    if let Ok(states) = rollout(initial) {
+        return states;
+    }
     let mut out = vec![f64::NAN; request.kept() * initial.len()];
     for (m, start) in initial.chunks_exact(2).enumerate() {
-        for (t, state) in each(start).chunks_exact(2).enumerate() {
+        out[2 * m..][..2].copy_from_slice(start);
+        for (t, state) in rollout(start).unwrap_or_default().chunks_exact(2).enumerate() {
             out[t * initial.len() + 2 * m..][..2].copy_from_slice(state);
         }
     }

@@ -1,0 +1,295 @@
+//! The edge of the field of coils: lines that are lost, chaotic ones, and the manifolds that they follow.
+
+use super::rollout::orbit_color;
+use super::section_maps::{Judge, NamedMap, OrbitFound, SectionMap};
+use super::shared::finite;
+use crate::error::Error;
+use crate::measure::orbits::{
+    Branch, PeriodicOrbit, lyapunov_exponent, manifold, maps_survived, periodic_orbit,
+    smaller_alignment_index,
+};
+use crate::network::Rollout;
+use crate::scalar::median_or_nan;
+use crate::scene::figure::{Axis, Figure, Panel, SameAxes, Series, Style};
+use crate::scene::findings::{Block, Cell, Format, Table};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+pub(super) const EDGE: &str = "edge";
+pub(super) const MANIFOLDS: &str = "manifolds";
+
+const MOST_LINES: usize = 10_000;
+const MOST_MAPS: usize = 10_000_000;
+/// Below this alignment index after the maps of the exponents a line is chaotic: on a regular one it falls as 1/N².
+const ALIGNED: f64 = 1e-10;
+/// The distance from a corner at which its manifold begins, over the distance from the axis.
+const BEGIN: f64 = 1e-4;
+/// The spacing of the points of a manifold, over its length.
+const SPACING: f64 = 2e-3;
+
+/// Lines along the ray outwards from the axis, over the edge of the surfaces.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EdgeOptions {
+    /// The smallest distance of a line from the axis at its start, in metres.
+    pub from: f64,
+    /// The largest one.
+    pub to: f64,
+    /// The number of lines between them.
+    pub lines: usize,
+    /// The number of maps over which lines are followed, unless they are lost.
+    pub survival: usize,
+    /// A line is lost where it is so far from the axis, in metres.
+    pub wall: f64,
+    /// The number of maps of Lyapunov exponents and alignment indices.
+    pub exponents: usize,
+    /// The length of each branch of the manifold of the corner of the lowest resonance, in metres; 0 follows none.
+    #[serde(default)]
+    pub manifold: f64,
+}
+
+impl EdgeOptions {
+    pub(super) fn check(&self) -> Result<(), Error> {
+        Error::check_range("edge.from", self.from, Error::LEAST_POSITIVE, f64::MAX)?;
+        Error::check_range("edge.wall", self.wall, Error::LEAST_POSITIVE, f64::MAX)?;
+        Error::check_range("edge.manifold", self.manifold, 0.0, f64::MAX)?;
+        if !(self.from < self.to && self.to < self.wall) {
+            let found = format!("from {} to {} with a wall at {}", self.from, self.to, self.wall);
+            return Err(Error::invalid("edge", found, "from < to < wall"));
+        }
+        Error::check_count_range("edge.lines", self.lines, 2, MOST_LINES)?;
+        Error::check_count_range("edge.survival", self.survival, 1, MOST_MAPS)?;
+        Error::check_count_range("edge.exponents", self.exponents, 100, self.survival)
+    }
+
+    pub(super) fn shorten(&mut self) {
+        self.lines = (self.lines / 4).max(2);
+        self.survival = (self.survival / 4).max(self.exponents);
+    }
+
+    fn distance(&self, number: usize) -> f64 {
+        let share = number as f64 / (self.lines - 1) as f64;
+        share.mul_add(self.to - self.from, self.from)
+    }
+
+    fn distances(&self) -> impl Iterator<Item = f64> {
+        (0..self.lines).map(|number| self.distance(number))
+    }
+
+    /// What a map makes of the lines.
+    pub(super) fn of(
+        &self,
+        name: &str,
+        map: &SectionMap<'_>,
+        judge: &Judge<'_>,
+        corner: Option<&OrbitFound>,
+    ) -> Result<EdgeFound, Error> {
+        let axis = judge.axis;
+        let starts: Vec<f64> =
+            self.distances().flat_map(|distance| [axis[0] + distance, axis[1]]).collect();
+        let follow = |points: &[f64], maps: usize| -> Result<Vec<f64>, Error> {
+            Ok(map.rollout(points, Rollout { steps: maps, every: 1 })?.split_off(points.len()))
+        };
+        let stays = |z: &[f64]| libm::hypot(z[0] - axis[0], z[1] - axis[1]) < self.wall;
+        let survived = maps_survived(&follow, &starts, 2, self.survival, &stays)?;
+        let with_jacobian = |z: &[f64]| map.with_jacobian(z);
+        let of_line = |(z, survived): (&[f64], &Option<usize>)| -> Result<_, Error> {
+            if survived.is_some_and(|maps| maps <= self.exponents) {
+                return Ok(None);
+            }
+            let exponent = lyapunov_exponent(&with_jacobian, z, self.exponents)?;
+            let index = smaller_alignment_index(&with_jacobian, z, self.exponents)?;
+            Ok(Some(LineExponents { exponent, index }))
+        };
+        let exponents = starts.par_chunks_exact(2).zip(&survived).map(of_line);
+        let exponents = exponents.collect::<Result<Vec<_>, _>>()?;
+        let mut branches = Vec::new();
+        if let Some(corner) = corner.filter(|_| self.manifold > 0.0) {
+            let maps = corner.points.len();
+            let orbit = periodic_orbit(&with_jacobian, &corner.points[0], maps)?;
+            branches = self.branches(map, &orbit, judge)?;
+        }
+        Ok(EdgeFound { name: name.to_owned(), survived, exponents, branches })
+    }
+
+    /// Both branches of the unstable manifold of the first point of an orbit.
+    fn branches(
+        &self,
+        map: &SectionMap<'_>,
+        orbit: &PeriodicOrbit,
+        judge: &Judge<'_>,
+    ) -> Result<Vec<Vec<f64>>, Error> {
+        let step = |z: &mut [f64]| {
+            let image = map.rollout(z, Rollout { steps: 1, every: 1 })?.split_off(2);
+            z.copy_from_slice(&image);
+            Ok(())
+        };
+        let first = &orbit.points[0];
+        let reach = libm::hypot(first[0] - judge.axis[0], first[1] - judge.axis[1]);
+        [true, false]
+            .into_iter()
+            .map(|forward| {
+                let (start, length) = (BEGIN * reach, self.manifold);
+                manifold(&step, orbit, Branch { forward, start, spacing: SPACING * length, length })
+            })
+            .collect()
+    }
+
+    /// How far from the axis the lines begin that stay, from the inside to the first that is lost; 0 if that is the
+    /// first of all.
+    fn edge(&self, found: &EdgeFound) -> f64 {
+        let stay = found.survived.iter().take_while(|lost| lost.is_none()).count();
+        stay.checked_sub(1).map_or(0.0, |last| self.distance(last))
+    }
+
+    pub(super) fn summary(&self, found: &[EdgeFound]) -> Vec<Block> {
+        let Self { from, to, lines, survival, wall, exponents, .. } = self;
+        let words = format!(
+            "The edge: {lines} lines that begin {from} to {to} m from the axis are followed over {survival} maps; those \
+             that come to {wall} m from it are lost. The edge is where the last line begins, from the inside, before \
+             the first that is lost. Lines that stay for {exponents} maps are chaotic where the smaller alignment index \
+             is below {ALIGNED:.0e} then; their Lyapunov exponents are by map. The share of lines on which a method and \
+             the reference agree is of lines that are lost by both or neither, and of lines that are regular, chaotic \
+             or lost early by both."
+        );
+        let mut table = Table::new([
+            ("method", Format::Exact),
+            ("edge [m]", Format::Fixed(4)),
+            ("lines lost", Format::Exact),
+            ("agree with the reference", Format::Percent),
+            ("chaotic", Format::Exact),
+            ("agree", Format::Percent),
+            ("exponent, median of chaotic", Format::Magnitude),
+        ]);
+        let Some(reference) = found.first() else { return Vec::new() };
+        for of in found {
+            let chaotic: Vec<f64> = of.chaotic().map(|line| line.exponent).collect();
+            let count = chaotic.len();
+            let exponent = (count > 0).then(|| median_or_nan(chaotic)).and_then(finite);
+            let row: [Cell; 7] = [
+                of.name.clone().into(),
+                self.edge(of).into(),
+                of.survived.iter().flatten().count().into(),
+                of.share(reference, |one, line| one.survived[line].is_some()).into(),
+                count.into(),
+                of.share(reference, |one, line| one.class(line)).into(),
+                exponent.into(),
+            ];
+            table.push(row);
+        }
+        vec![Block::Text(words), Block::Table(table)]
+    }
+
+    /// Maps survived and exponents against the distance from the axis.
+    pub(super) fn figure(&self, found: &[EdgeFound]) -> Figure {
+        let x_label = "distance from the axis at the start [m]";
+        let of = |value: &dyn Fn(&EdgeFound, usize) -> Option<f64>| -> Vec<Series> {
+            let each = found.iter().enumerate().map(|(color, one)| {
+                let points = self.distances().enumerate();
+                let points = points.filter_map(|(line, r)| Some((r, value(one, line)?)));
+                let name = one.name.clone();
+                Series { name, color, style: Style::Marked, points: points.collect() }
+            });
+            each.collect()
+        };
+        let survived = of(&|one, line| one.survived[line].map(|maps| maps as f64));
+        let exponents = of(&|one, line| one.exponents[line].map(|line| line.exponent));
+        let panels = vec![
+            Panel {
+                title: "Lost lines".into(),
+                x_label: x_label.into(),
+                y_label: "maps until it is lost".into(),
+                y: Axis::Log,
+                series: survived,
+                ..Panel::default()
+            },
+            Panel {
+                title: format!("Lyapunov exponents over {} maps", self.exponents),
+                x_label: x_label.into(),
+                y_label: "by map".into(),
+                series: exponents,
+                ..Panel::default()
+            },
+        ];
+        let caption = "The edge: after how many maps lines are lost, and how fast neighbours part.";
+        Figure::in_a_row(EDGE, caption, panels)
+    }
+
+    /// The manifolds of the corner, of the reference and of each map.
+    pub(super) fn manifolds(found: &[EdgeFound]) -> Figure {
+        let panel = |of: &EdgeFound| {
+            let series = of.branches.iter().enumerate().map(|(number, points)| {
+                let points = points.chunks_exact(2).map(|z| (z[0], z[1])).collect();
+                Series::unnamed(orbit_color(number), Style::Dots, points)
+            });
+            Panel {
+                title: of.name.clone(),
+                x_label: "R [m]".into(),
+                y_label: "Z [m]".into(),
+                square: true,
+                series: series.collect(),
+                ..Panel::default()
+            }
+        };
+        let panels = found.iter().filter(|of| !of.branches.is_empty()).map(panel).collect();
+        let caption = "The unstable manifold of the corner of an island chain, both branches.";
+        let figure = Figure::in_a_row(MANIFOLDS, caption, panels);
+        Figure { columns: 2, same_axes: SameAxes::First, ..figure }
+    }
+}
+
+/// How fast neighbours of a line part.
+#[derive(Clone, Copy, Serialize)]
+struct LineExponents {
+    /// The Lyapunov exponent, by map.
+    exponent: f64,
+    /// The smaller alignment index.
+    index: f64,
+}
+
+/// What a map makes of the lines at the edge.
+#[derive(Serialize)]
+pub(super) struct EdgeFound {
+    name: String,
+    /// The number of maps after which each line is lost; none of one that stays.
+    survived: Vec<Option<usize>>,
+    /// Of lines that stay long enough.
+    exponents: Vec<Option<LineExponents>>,
+    /// Points of each branch of the manifold of the corner.
+    #[serde(skip)]
+    branches: Vec<Vec<f64>>,
+}
+
+impl EdgeFound {
+    /// Whether a line is chaotic; none of one that is lost too early to tell.
+    fn class(&self, line: usize) -> Option<bool> {
+        // A NaN is no regular line.
+        self.exponents[line].map(|line| !(line.index >= ALIGNED))
+    }
+
+    fn chaotic(&self) -> impl Iterator<Item = &LineExponents> {
+        self.exponents.iter().flatten().filter(|line| !(line.index >= ALIGNED))
+    }
+
+    /// The share of lines of which something is the same as of another map.
+    fn share<T: PartialEq>(&self, other: &Self, of: impl Fn(&Self, usize) -> T) -> f64 {
+        let count = self.survived.len();
+        let same = (0..count).filter(|line| of(self, *line) == of(other, *line)).count();
+        same as f64 / count as f64
+    }
+}
+
+/// The edge by the reference, first, and by all fast maps.
+pub(super) fn edge_of(
+    options: &EdgeOptions,
+    judge: &Judge<'_>,
+    reference: (&SectionMap<'_>, Option<&OrbitFound>),
+    maps: &[(&NamedMap<'_>, Option<&OrbitFound>)],
+) -> Result<Vec<EdgeFound>, Error> {
+    let (map, corner) = reference;
+    let mut found = vec![options.of("reference", map, judge, corner)?];
+    for (named, corner) in maps {
+        found.push(options.of(&named.name, &named.map, judge, *corner)?);
+    }
+    Ok(found)
+}
