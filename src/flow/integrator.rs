@@ -1,7 +1,7 @@
 //! The integrators by name, on many points.
 
 use super::charged::{Boris, VelocitySplitting};
-use super::natural::{NaturalDormandPrince8, NaturalRungeKutta4};
+use super::natural::InNaturalCoordinates;
 use super::numerical_method::NumericalMethod;
 use super::request::Request;
 use super::runge_kutta::RungeKutta4;
@@ -50,11 +50,11 @@ integrators! {
         /// [`runge_kutta_4`](super::runge_kutta_4).
         RungeKutta4 = "runge-kutta-4" by RungeKutta4;
         /// [`natural_runge_kutta_4`](super::natural_runge_kutta_4).
-        NaturalRungeKutta4 = "natural-runge-kutta-4" by NaturalRungeKutta4;
+        NaturalRungeKutta4 = "natural-runge-kutta-4" by InNaturalCoordinates::RUNGE_KUTTA_4;
         /// [`Tableau::DORMAND_PRINCE_8`](super::Tableau::DORMAND_PRINCE_8).
         DormandPrince8 = "dormand-prince-8" by DormandPrince8;
         /// [`Tableau::DORMAND_PRINCE_8`](super::Tableau::DORMAND_PRINCE_8) in natural coordinates.
-        NaturalDormandPrince8 = "natural-dormand-prince-8" by NaturalDormandPrince8;
+        NaturalDormandPrince8 = "natural-dormand-prince-8" by InNaturalCoordinates::DORMAND_PRINCE_8;
         /// [`Splitting::STRANG`].
         Strang = "strang" by Splitting::STRANG;
         /// [`Splitting::YOSHIDA_4`].

@@ -6,18 +6,40 @@ use super::tableau::DORMAND_PRINCE;
 use super::{Tableau, natural_runge_kutta_4};
 use crate::error::Error;
 use crate::scalar::Pack;
-use crate::system::{NaturalCoordinates, System};
+use crate::system::{FieldLines, NaturalCoordinates, System};
 
-/// [`natural_runge_kutta_4`] of scenes.
-pub(super) struct NaturalRungeKutta4;
+/// In natural coordinates, RK4 where there is no tableau.
+pub(super) struct InNaturalCoordinates {
+    tableau: Option<Tableau<'static>>,
+}
 
-impl NumericalMethod for NaturalRungeKutta4 {
+impl InNaturalCoordinates {
+    pub(super) const RUNGE_KUTTA_4: Self = Self { tableau: None };
+    pub(super) const DORMAND_PRINCE_8: Self = Self { tableau: Some(Tableau::DORMAND_PRINCE_8) };
+
+    /// The system with natural coordinates that a system is, or the error that it is none.
+    fn system<'a>(&self, system: &'a System) -> Result<&'a FieldLines, Error> {
+        match system {
+            System::FieldLines(system) => Ok(system),
+            _ => Err(self.cannot_integrate("the system has no coordinates but canonical ones")),
+        }
+    }
+}
+
+impl NumericalMethod for InNaturalCoordinates {
     fn name(&self) -> String {
-        "RK4 in natural coordinates".into()
+        match self.tableau {
+            None => "RK4 in natural coordinates".into(),
+            Some(_) => "Dormand–Prince 8 in natural coordinates".into(),
+        }
+    }
+
+    fn bibtex(&self) -> Option<&'static str> {
+        self.tableau.map(|_| DORMAND_PRINCE)
     }
 
     fn check_for(&self, system: &System) -> Result<(), Error> {
-        check_natural(self, system)
+        self.system(system).map(|_| ())
     }
 
     fn trajectories(
@@ -26,30 +48,8 @@ impl NumericalMethod for NaturalRungeKutta4 {
         system: &System,
         initial: &[f64],
     ) -> Result<Vec<f64>, Error> {
-        match system {
-            System::FieldLines(system) => {
-                request.step(&InNaturalCoordinates { tableau: None }, system, initial)
-            }
-            _ => Err(no_natural_coordinates(self)),
-        }
+        request.step(self, self.system(system)?, initial)
     }
-}
-
-/// Fails where a system has no natural coordinates.
-fn check_natural(method: &impl NumericalMethod, system: &System) -> Result<(), Error> {
-    match system {
-        System::FieldLines(_) => Ok(()),
-        _ => Err(no_natural_coordinates(method)),
-    }
-}
-
-fn no_natural_coordinates(method: &impl NumericalMethod) -> Error {
-    method.cannot_integrate("the system has no coordinates but canonical ones")
-}
-
-/// In natural coordinates, RK4 where there is no tableau.
-struct InNaturalCoordinates {
-    tableau: Option<Tableau<'static>>,
 }
 
 impl<H: NaturalCoordinates> Method<H> for InNaturalCoordinates {
@@ -74,38 +74,6 @@ impl<H: NaturalCoordinates> Method<H> for InNaturalCoordinates {
     fn leave<V: Pack>(&self, system: &H, z: &mut [V]) {
         for z in z.chunks_exact_mut(2 * system.dof()) {
             system.to_canonical(z);
-        }
-    }
-}
-
-/// [`Tableau::DORMAND_PRINCE_8`] of scenes, in natural coordinates.
-pub(super) struct NaturalDormandPrince8;
-
-impl NumericalMethod for NaturalDormandPrince8 {
-    fn name(&self) -> String {
-        "Dormand–Prince 8 in natural coordinates".into()
-    }
-
-    fn bibtex(&self) -> Option<&'static str> {
-        Some(DORMAND_PRINCE)
-    }
-
-    fn check_for(&self, system: &System) -> Result<(), Error> {
-        check_natural(self, system)
-    }
-
-    fn trajectories(
-        &self,
-        request: &Request,
-        system: &System,
-        initial: &[f64],
-    ) -> Result<Vec<f64>, Error> {
-        match system {
-            System::FieldLines(system) => {
-                let tableau = Some(Tableau::DORMAND_PRINCE_8);
-                request.step(&InNaturalCoordinates { tableau }, system, initial)
-            }
-            _ => Err(no_natural_coordinates(self)),
         }
     }
 }

@@ -103,12 +103,13 @@ impl EdgeOptions {
         };
         let exponents = starts.par_chunks_exact(2).zip(&survived).map(of_line);
         let exponents = exponents.collect::<Result<Vec<_>, _>>()?;
-        let mut branches = Vec::new();
-        if let Some(corner) = corner.filter(|_| self.manifold > 0.0) {
+        let branches = corner.filter(|_| self.manifold > 0.0).map(|corner| {
             let maps = corner.points.len();
             let orbit = periodic_orbit(&with_jacobian, &corner.points[0], maps)?;
-            branches = self.branches(map, &orbit, judge)?;
-        }
+            self.branches(map, &orbit, judge)
+        });
+        // Of a map whose manifold cannot be followed the rest is still said.
+        let branches = branches.and_then(Result::ok).unwrap_or_default();
         Ok(EdgeFound { name: name.to_owned(), survived, exponents, branches })
     }
 
