@@ -1,11 +1,13 @@
 //! The scene of field lines of coils: of built-in coils and of a file, its report, its model, and what it refuses.
 
 use crate::helpers::{call, folder, refuses, succeeds, text};
-use gyroceptron::io::{load_model, read_trajectories, write_points};
+use gyroceptron::io::{StoredModel, load_model, read_trajectories, write_points};
 use gyroceptron::layer::Reversor;
+use gyroceptron::network::Rollout;
 use gyroceptron::scalar::max_or_nan;
 use gyroceptron::scene::{Event, Folder, Observer, parse, run};
 use gyroceptron::system::Torsatron;
+use serde_json::Value;
 use std::fmt::Write;
 use std::path::Path;
 
@@ -141,7 +143,6 @@ fn a_scene_of_coils_is_run_and_its_model_predicts_lines() {
     assert!((numbers(whole), numbers(even)) == (44, 29), "{found}");
     // What the reference is known to stands beside it.
     assert!(error("planes of degree 6, 8 steps") > error("coils, 16 steps"), "{found}");
-    println!("{}", found["edge"]);
     for figure in ["poincare.svg", "rotation.csv", "off-surface.svg", "edge.svg", "manifolds.csv"] {
         assert!(path.join("a").join(figure).is_file(), "{figure}");
     }
@@ -149,6 +150,7 @@ fn a_scene_of_coils_is_run_and_its_model_predicts_lines() {
     let stored = load_model(&path.join("a/model.json")).expect("a model");
     let region = stored.provenance.region.as_ref().expect("a box");
     assert!(region.low[0] > 3.8 && region.high[0] < 4.1 && region.low[1] < 0.0, "{region:?}");
+    check_edge(&found["edge"], &stored, [axis, found["axis"][1].as_f64().expect("an axis")]);
     write_points(&path.join("z.npy"), &[1, 2], &[axis, 0.0]).expect("written");
     let predict = [
         "predict",
@@ -195,6 +197,78 @@ fn a_scene_of_coils_is_run_and_its_model_predicts_lines() {
     std::fs::write(path.join("momenta.toml"), both.replace("\"positions\"", "\"momenta\""))
         .expect("written");
     refuses(path, &["run", "momenta.toml", "--out", "c"], &["momenta", "the reflection of Z"]);
+}
+
+/// The lines over the wall are those of the reference, and of the map what its own states and Jacobians say.
+fn check_edge(found: &Value, stored: &StoredModel, axis: [f64; 2]) {
+    let of = |name: &str| {
+        let all = found.as_array().expect("maps").iter();
+        all.into_iter().find(|one| one["name"] == name).expect("a map")
+    };
+    let (reference, own) = (of("reference"), of("jolts"));
+    assert_eq!(reference["survived"], own["survived"]);
+    let number = |value: &Value| value.as_f64().expect("a number");
+    let mut lost = 0;
+    for line in 0..6 {
+        let start = [axis[0] + 0.02 + 0.005 * line as f64, axis[1]];
+        let request = Rollout { steps: 400, every: 1 };
+        let states = stored.rollout(&start, request).expect("states");
+        let far = |z: &[f64]| (z[0] - axis[0]).hypot(z[1] - axis[1]) >= 0.1;
+        let first = states.chunks_exact(2).position(far);
+        assert_eq!(own["survived"][line].as_u64(), first.map(|maps| maps as u64), "line {line}");
+        if first.is_some() {
+            lost += 1;
+            assert!(own["exponents"][line].is_null(), "line {line}");
+            continue;
+        }
+        let mut vector = [0.5_f64.sqrt(); 2];
+        for z in states.chunks_exact(2).take(200) {
+            let m = stored.jacobians(z).expect("a Jacobian");
+            vector = [0, 2].map(|row| m[row] * vector[0] + m[row + 1] * vector[1]);
+        }
+        let exponent = vector[0].hypot(vector[1]).ln() / 200.0;
+        let [by_map, by_field] = [own, reference].map(|one| &one["exponents"][line]);
+        assert!((number(&by_map["exponent"]) - exponent).abs() < 1e-9, "line {line}: {by_map}");
+        let apart = number(&by_field["exponent"]) - exponent;
+        assert!(exponent > 1e-3 && apart.abs() < 1e-6, "line {line}: {apart:e} of {exponent}");
+        // No line is chaotic.
+        assert!(number(&by_map["index"]) > 0.1 && number(&by_field["index"]) > 0.1, "{found}");
+    }
+    assert_eq!(lost, 1, "{found}");
+}
+
+/// The map of the scene loses the lines that the field loses, and its manifold begins where that of the field does.
+#[test]
+#[ignore = "takes four minutes: run it with --ignored"]
+fn the_edge_of_a_map_is_that_of_the_field() {
+    let folder = folder();
+    let path = folder.path();
+    succeeds(path, &["run", "edge", "--out", "a"]);
+    let report = std::fs::read_to_string(path.join("a/report.json")).expect("a report");
+    let report: Value = serde_json::from_str(&report).expect("JSON");
+    let found = report["studies"]["poincare"]["edge"].as_array().expect("maps");
+    let lost = |k: usize| -> Vec<bool> {
+        let lines = found[k]["survived"].as_array().expect("lines");
+        lines.iter().map(|maps| !maps.is_null()).collect()
+    };
+    assert!(found[0]["name"] == "reference" && found[1]["name"] == "reversible");
+    assert_eq!(lost(0), lost(1));
+    assert!(lost(0).iter().any(|lost| *lost) && lost(0).iter().any(|lost| !lost));
+    let branches = std::fs::read_to_string(path.join("a/manifolds.csv")).expect("a table");
+    for branch in ["1", "2"] {
+        let points = |map: &str| -> Vec<[f64; 2]> {
+            let rows = branches.lines().map(|row| row.split(',').collect::<Vec<&str>>());
+            let rows = rows.filter(|row| row[0].trim_matches('"') == map && row[1] == branch);
+            rows.map(|row| [2, 3].map(|k| row[k].parse().expect("a number"))).collect()
+        };
+        let (field, map) = (points("reference"), points("reversible"));
+        assert!(field.len() > 500 && map.len() > 500, "{} {}", field.len(), map.len());
+        for z in &map[..50] {
+            let from = |of: &[f64; 2]| (of[0] - z[0]).hypot(of[1] - z[1]);
+            let nearest = field.iter().map(from).min_by(f64::total_cmp).expect("points");
+            assert!(nearest < 1e-4, "{z:?}: {nearest}");
+        }
+    }
 }
 
 /// Maps of a section that is mirrored are learnt as such: with half the numbers, none of which can break it.
@@ -318,6 +392,10 @@ fn bad_machines_are_refused_before_anything_is_written() {
     refused(&scene(r#"{ kind = "torsatron", minor = 5 }"#), &[], &["minor"]);
     refused(&sound.replace("reach = 0.05", "reach = -1"), &[], &["reach"]);
     refused(&sound.replace("lines = 24", "lines = 2"), &[], &["lines"]);
+    refused(&sound.replace("to = 0.045", "to = 0.01"), &[], &["edge", "from < to < wall"]);
+    refused(&sound.replace("wall = 0.1", "wall = nan"), &[], &["edge.wall"]);
+    refused(&sound.replace("exponents = 200", "exponents = 401"), &[], &["edge.exponents"]);
+    refused(&sound.replace("manifold = 0.02", "manifold = -1.0"), &[], &["edge.manifold"]);
     refused(
         &sound.replace("validation = 0.25", "validation = 0"),
         &[],
