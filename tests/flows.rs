@@ -1,5 +1,6 @@
 //! Numbers, Hamiltonian systems, their flows and their rivals, and what is measured along trajectories.
 
+mod chains;
 mod frequencies;
 mod numbers;
 mod rivals;

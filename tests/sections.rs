@@ -22,7 +22,7 @@ use gyroceptron::network::{Pace, Rollout};
 use gyroceptron::phase::{AreaDensity, Section};
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::{Dual, max_or_nan};
-use gyroceptron::system::{Coil, CoilField, CoilSet, Oscillators, Torsatron};
+use gyroceptron::system::{Coil, CoilField, CoilSet, Oscillators, Tokamak, Torsatron};
 use std::f64::consts::{PI, TAU};
 
 /// A period of the torsatron.
@@ -68,6 +68,125 @@ fn fields_have_no_divergence_and_no_curl() {
     for place in [[3.8, 0.3, 0.1], [2.0, -3.2, -0.2]] {
         assert!(derivatives(place, 1.0) < 1e-13, "{}", derivatives(place, 1.0));
         assert!(derivatives(place, -1.0) > 1e-2);
+    }
+}
+
+/// By Ampère's law a circle about the z axis within the coils of a tokamak has ∮B·dx = μ₀NI exactly, ripple or not; a
+/// circle about a current with a width has what is within it; and neither field has a divergence.
+#[test]
+fn a_tokamak_has_its_ripple_and_the_current_of_its_plasma() {
+    let tokamak = Tokamak::default();
+    let coils = tokamak.coils().expect("sound").all().expect("coils");
+    assert_eq!(coils.len(), 19);
+    let field = CoilField::new(&coils, 360).expect("a field");
+    let samples = 18 * 40;
+    let around = |radius: f64| -> Vec<f64> {
+        let at = |k: usize| -> [f64; 3] {
+            field.cylindrical(radius, TAU * k as f64 / samples as f64, 0.1)
+        };
+        (0..samples).map(|k| at(k)[1]).collect()
+    };
+    let expected = 4e-7 * PI * 18.0 * tokamak.current;
+    let ripples = [2.4, 3.0, 3.8, 4.4].map(|radius| {
+        let along = around(radius);
+        let mean = along.iter().sum::<f64>() / samples as f64;
+        assert!((TAU * radius * mean / expected - 1.0).abs() < 1e-9, "{radius}: {mean}");
+        let [least, most] = [f64::min, f64::max].map(|of| along.iter().copied().fold(mean, of));
+        (most - least) / (most + least)
+    });
+    // It grows outwards as R^N, and is a tenth at two thirds of the way to the coils.
+    assert!(ripples[1] < 1e-3 && (1e-2..0.2).contains(&ripples[3]), "{ripples:?}");
+    let order = (ripples[3] / ripples[2]).ln() / (4.4f64 / 3.8).ln();
+    assert!((14.0..26.0).contains(&order), "{order} {ripples:?}");
+    for place in [[3.0, 0.3, 0.1], [2.5, 1.2, -0.4]] {
+        let lifted: [Dual<f64, 3>; 3] = std::array::from_fn(|k| Dual::variable(place[k], k));
+        let rows = field.at(lifted).map(|v| v.eps);
+        let size = rows.iter().flatten().map(|v| v.abs()).fold(0.0, max_or_nan);
+        let divergence = rows[0][0] + rows[1][1] + rows[2][2];
+        assert!(divergence.abs() < 1e-13 * size, "{divergence} {size}");
+        // Within the plasma there is a current.
+        let curl = (rows[1][0] - rows[0][1]).abs() + (rows[0][2] - rows[2][0]).abs();
+        assert!(curl > 1e-2 * size, "{curl} {size}");
+    }
+    // A straight current of width w: I s²/(s² + w²) within s.
+    let wide = Coil { width: 0.3, ..ring() };
+    let large = |coil: &Coil| Coil {
+        cosines: coil.cosines.iter().map(|v| v.map(|x| 1000.0 * x)).collect(),
+        sines: coil.sines.iter().map(|v| v.map(|x| 1000.0 * x)).collect(),
+        ..coil.clone()
+    };
+    let field = CoilField::new(&[large(&wide)], 1 << 16).expect("a field");
+    for distance in [0.15f64, 0.3, 1.0] {
+        let count = 16;
+        let tangential = |k: usize| -> f64 {
+            let (s, c) = (TAU * k as f64 / f64::from(count)).sin_cos();
+            let [by_radius, _, by_height]: [f64; 3] =
+                field.cylindrical(distance.mul_add(c, 1000.0), 0.0, distance * s);
+            by_height * c - by_radius * s
+        };
+        let sum: f64 = (0..count as usize).map(tangential).sum();
+        let found = sum / f64::from(count) * distance / 2e-7;
+        let share = distance.powi(2) / (distance.powi(2) + 0.09);
+        assert!((found.abs() / share - 1.0).abs() < 2e-3, "{distance}: {found} {share}");
+    }
+}
+
+/// The map over a period of a tokamak has its axis near the middle of the plasma, and turns about it as the current says.
+#[test]
+fn lines_of_a_tokamak_turn_about_its_plasma() {
+    let tokamak = Tokamak::default();
+    let coils = tokamak.coils().expect("sound").all().expect("coils");
+    let request = LineRequest {
+        angle: TAU / 18.0,
+        reach: 0.5,
+        guess: Some([tokamak.plasma_radius, 0.0]),
+        error: 1e-8,
+        ..request()
+    };
+    let section = LineSection::new(&coils, request).expect("a section");
+    let axis = section.axis();
+    // Outwards of the middle of the current, whose own field is stronger inside.
+    assert!((axis[0] - 3.125).abs() < 1e-3 && axis[1].abs() < 1e-9, "{axis:?}");
+    let (_, [[a, _], [_, d]]) = section.map().with_jacobian(axis);
+    // Tr M = 2 cos of the angle of a period.
+    let turns = (0.5 * (a + d)).acos() / TAU * 18.0;
+    let toroidal: [f64; 3] = section.field().cylindrical(axis[0], 0.0, 0.0);
+    let spread = tokamak.plasma_width.powi(2) + (axis[0] - 3.0).powi(2);
+    let expected = 2e-7 * tokamak.plasma_current * 3.0 / (toroidal[1] * spread);
+    assert!((turns / expected - 1.0).abs() < 0.1, "{turns} {expected}");
+    // Lines from between two coils, in many short maps, and their distances from the circles.
+    let field = section.field();
+    let steps = section.map().steps();
+    let between = LineMap::new(field, PI / 18.0, TAU / 18.0, steps).expect("a map");
+    let near = between.nearest_to_coils(&[4.9, 0.0, 4.4, 0.3], 1).expect("distances");
+    let mut place = vec![4.9, 0.0, 4.4, 0.3];
+    let mut expected = [f64::INFINITY; 2];
+    for k in 0..steps {
+        let step = TAU / 18.0 / steps as f64;
+        let at = (k as f64).mul_add(step, PI / 18.0);
+        let short = LineMap::new(field, at, step, 4).expect("a map");
+        place = short.trajectories(&place, 1).expect("lines");
+        for (expected, z) in expected.iter_mut().zip(place.chunks_exact(2)) {
+            for coil in 0..3 {
+                let (sin, cos) = (at + step - f64::from(coil) * TAU / 18.0).sin_cos();
+                let across = (z[0] * cos - tokamak.major_radius).hypot(z[1]);
+                let distance = (across - tokamak.minor_radius).hypot(z[0] * sin);
+                *expected = if distance < *expected { distance } else { *expected };
+            }
+        }
+    }
+    for (near, expected) in near.iter().zip(expected) {
+        // Its points are not all of the circle.
+        assert!(*near >= expected && (near - expected) < 1e-2, "{near} {expected}");
+    }
+    assert!(near[0] < 0.5 && near[1] > near[0], "{near:?}");
+    for bad in [
+        Tokamak { coils: 0, ..tokamak },
+        Tokamak { minor_radius: 4.0, ..tokamak },
+        Tokamak { plasma_width: 0.0, ..tokamak },
+        Tokamak { plasma_current: f64::NAN, ..tokamak },
+    ] {
+        assert!(bad.coils().is_err(), "{bad:?}");
     }
 }
 

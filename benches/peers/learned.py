@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Other ways to learn a flow map from the same pairs, on the same cores, and the table of their errors and times.
 
-    python3 benches/peers/learned.py [oscillators] [field-lines] [straight-field-lines] [--seeds N] [--iterations N]
-        [--kinds mlp generating field]
+    python3 benches/peers/learned.py [oscillators] [long-oscillators] [full-orbit] [field-lines]
+        [straight-field-lines] [--seeds N] [--iterations N] [--kinds mlp generating field]
 
 Makes a virtual environment of its own in target/peers (JAX, NumPy and SciPy from PyPI), builds the program, makes
 pairs and reference orbits, lets `gyroceptron train` learn them, and trains beside it, in JAX by the same kind of
@@ -20,7 +20,8 @@ The rotation is that of the limit; on field lines, where it depends on the radiu
 fitted to the angles of the pairs, as in the program. All rivals are given it. Implicit steps take as many iterations
 as their pairs need.
 
-Errors are root mean squares; times of a step are of 64 trajectories together on one core, training of all cores.
+Errors are root mean squares; times of a step are of 64 trajectories together on one core, and of one alone, training of
+all cores. No network is told a shorter flow time first: all have these pairs alone.
 """
 
 import argparse
@@ -66,10 +67,9 @@ class Oscillators:
         c, s = np.cos(share * self.time), np.sin(share * self.time)
         return np.stack([c * z[0] + s * z[2], z[1], c * z[2] - s * z[0], z[3]])
 
-    def flow(self, np, z, steps=1):
+    def flow(self, np, z, steps=1, count=50):
         """Columns q1, q2, p1, p2; errs by 1e-13."""
         z = np.array(z)
-        count = 50
         h = self.time / count
 
         def turn(time):
@@ -93,6 +93,69 @@ class Oscillators:
 
     def fit_twist(self, np, inputs, outputs):
         """The rotation is known."""
+
+    def energy(self, np, z):
+        q1, q2, p1, p2 = (z[..., k] for k in range(4))
+        return (q1**2 + p1**2) / 2 + self.epsilon * ((q2**2 + p2**2) / 2 + q1 * q2 * np.sin(2 * q1 + 2 * q2))
+
+
+class LongOscillators(Oscillators):
+    """The same, a step of 32 fast periods: time 200."""
+
+    name, time = "long-oscillators", 200.0
+    options = ["--circle-action", "1,0", "--epsilon", "0.01", "--flow-time", "200", "--starts", "3"]
+    networks = {
+        "normal form": ["--kicks", "8x8", "--twists", "24x2,12"],
+        "normal form, arctan": ["--kicks", "8x8:arctan", "--twists", "24x2,12:arctan"],
+    }
+    long_steps = [10, 100]
+
+    def flow(self, np, z, steps=1):
+        """ABA(10,6,4) in steps of 0.25: errs by 3e-8."""
+        return super().flow(np, z, steps, count=800)
+
+
+class FullOrbit(Oscillators):
+    """A charged particle, B = 1 + eps (cos x + cos y) and a potential eps (cos x + sin y)/2; columns Pi_x, Y, Pi_y, X
+    with x = X - Pi_y, y = Y + Pi_x. A step of 16 gyrations: time 100."""
+
+    name, time = "full-orbit", 100.0
+    options = ["--circle-action", "1,0", "--epsilon", "0.01", "--flow-time", "100", "--starts", "3"]
+    networks = {
+        "normal form": ["--kicks", "6x6", "--twists", "24x1,8"],
+        "normal form, arctan": ["--kicks", "6x6:arctan", "--twists", "24x1,8:arctan"],
+    }
+    long_steps = [10, 160]
+
+    def __init__(self, np):
+        random = np.random.default_rng(1)
+        self.points = random.uniform([-1.0, -0.8, -1.0, -1.6], [1.0, 2.6, 1.0, 1.6], (10_000, 4))
+        self.initial = np.tile([[0.3, 1.0, 0.0, 0.0], [0.3, 0.3, 0.0, 0.5], [0.6, 1.0, 0.0, 1.0], [0.9, 0.9, 0.0, 0.3]], (16, 1))
+
+    def field(self, np, z):
+        x, y = z[3] - z[2], z[0] + z[1]
+        sx, cx, sy, cy = np.sin(x), np.cos(x), np.sin(y), np.cos(y)
+        eps = self.epsilon
+        vx, vy = z[0] + eps * sy, z[2] - eps * sx
+        by_x, by_y = eps * (-cx * vy - sx / 2), eps * (cy * vx + cy / 2)
+        return np.stack([vy - by_x, by_x, -vx - by_y, -by_y])
+
+    def flow(self, np, z, steps=1):
+        """Dormand and Prince's method of order 8, relative errors of 1e-12 a step."""
+        from scipy.integrate import solve_ivp
+
+        shape = np.shape(np.transpose(z))
+        by_time = lambda _, flat: self.field(np, flat.reshape(shape)).ravel()
+        found = solve_ivp(
+            by_time, (0.0, self.time * steps), np.transpose(z).ravel(), method="DOP853", rtol=1e-12, atol=1e-13,
+            t_eval=[self.time * steps],
+        )
+        return found.y[:, -1].reshape(shape).T
+
+    def energy(self, np, z):
+        x, y = z[..., 3] - z[..., 2], z[..., 0] + z[..., 1]
+        vx, vy = z[..., 0] + self.epsilon * np.sin(y), z[..., 2] - self.epsilon * np.sin(x)
+        return (vx**2 + vy**2) / 2 + self.epsilon * (np.cos(x) + np.sin(y)) / 2
 
 
 class FieldLines:
@@ -397,10 +460,9 @@ def invariant_drift(np, case, orbits):
     """How far the energy has gone at the end, over its range among the orbits; of field lines, r on the section."""
     if len(orbits) <= case.long_steps[-1]:
         return "-"
-    if case.name == "oscillators":
-        q1, q2, p1, p2 = (orbits[..., k] for k in range(4))
-        energy = (q1**2 + p1**2) / 2 + case.epsilon * ((q2**2 + p2**2) / 2 + q1 * q2 * np.sin(2 * q1 + 2 * q2))
-        return f"{np.abs(energy[-100:] - energy[0]).max() / energy[0].mean():.1e}"
+    if case.dof > 1:
+        energy = case.energy(np, orbits)
+        return f"{np.abs(energy[-(1 + len(orbits) // 40) :] - energy[0]).max() / energy[0].mean():.1e}"
     from scipy.spatial import cKDTree
 
     # The last points of each line from all those of the reference on its surface.
@@ -538,7 +600,8 @@ class GaussianProcess:
 
 
 def program(case, name, options, folder, np):
-    """What the program makes of the pairs: seconds of training, its report's figures, orbits, seconds of a step."""
+    """What the program makes of the pairs: seconds of training, its report's figures, orbits, seconds of a step of 64
+    trajectories and of one alone."""
     binary = ROOT / "target" / "release" / "gyroceptron"
     model = folder / f"{name.replace(' ', '-').replace(',', '')}.json"
     command = [binary, "train", "--data", folder / "pairs.npz", "--output", model, "--overwrite", "--json", *case.options, *options]
@@ -555,12 +618,23 @@ def program(case, name, options, folder, np):
     if rolled.returncode != 0:
         sys.exit(rolled.stderr)
     together = (time.perf_counter() - start) / (steps * 64)
+    # Without what the program takes to begin and to write.
+    singly = [*predict]
+    for place, value in (("--input", folder / "first.npy"), ("--output", folder / "alone.npy")):
+        singly[singly.index(place) + 1] = value
+    seconds_of = []
+    for count in (1000, 201_000):
+        singly[singly.index("--steps") + 1], singly[singly.index("--every") + 1] = count, count
+        start = time.perf_counter()
+        subprocess.run([str(part) for part in singly], check=True, capture_output=True)
+        seconds_of.append(time.perf_counter() - start)
+    alone = (seconds_of[1] - seconds_of[0]) / 200_000
     once = [*predict]
     once[once.index("--input") + 1], once[once.index("--steps") + 1] = folder / "held-out.npy", 1
     once[once.index("--output") + 1] = folder / "step.npy"
     subprocess.run([str(part) for part in once], check=True, capture_output=True)
     parameters = len(json.loads(model.read_text())["parameters"])
-    return seconds, np.load(folder / "step.npy")[-1], np.load(folder / "orbits.npy"), together, parameters
+    return seconds, np.load(folder / "step.npy")[-1], np.load(folder / "orbits.npy"), together, alone, parameters
 
 
 def check_symplectic(case, points, np):
@@ -588,6 +662,7 @@ def run(case, options, np):
     np.savez(folder / "pairs.npz", input=inputs[held:], output=outputs[held:])
     np.save(folder / "held-out.npy", inputs[:held])
     np.save(folder / "initial.npy", case.initial)
+    np.save(folder / "first.npy", case.initial[:1])
     reference = [case.initial]
     for _ in range(case.long_steps[-1]):
         reference.append(case.flow(np, reference[-1]))
@@ -596,19 +671,21 @@ def run(case, options, np):
     drift = "surface, median and largest" if case.dof == 1 else "energy at the end"
     lengths = " | ".join(f"{steps:,} steps" for steps in case.long_steps)
     print(f"\n{case.name}: {len(inputs) - held:,} pairs of a step of time {case.time:.4g}\n")
-    print(f"| learnt | parameters | one step | {lengths} | {drift} | seconds of training | µs a step |")
-    print("|---|---|" + "---|" * (len(case.long_steps) + 4), flush=True)
+    print(f"| learnt | parameters | one step | {lengths} | {drift} | seconds of training | µs a step | one alone |")
+    print("|---|---|" + "---|" * (len(case.long_steps) + 5), flush=True)
 
-    def row(name, parameters, step, orbits, seconds, micro):
+    def row(name, parameters, step, orbits, seconds, micro, alone):
         one = f"{rms(np, step - outputs[:held]):.1e}" if np.isfinite(step).all() else "lost"
         cells = [name, parameters, one, *judged(np, case, orbits, reference), invariant_drift(np, case, orbits)]
-        print("| " + " | ".join(map(str, cells)) + f" | {seconds:.0f} | {micro:.2g} |", flush=True)
+        print("| " + " | ".join(map(str, cells)) + f" | {seconds:.0f} | {micro:.2g} | {alone:.2g} |", flush=True)
 
     most = 0
     for name, arguments in case.networks.items():
-        seconds, step, orbits, together, parameters = program(case, name, arguments, folder, np)
-        most = max(most, parameters or 0)
-        row(f"`gyroceptron`, {name}", parameters, step, orbits, seconds, 1e6 * together)
+        for seed in range(options.seeds):
+            seeded = [*arguments, "--seed", seed + 1]
+            seconds, step, orbits, together, alone, parameters = program(case, name, seeded, folder, np)
+            most = max(most, parameters or 0)
+            row(f"`gyroceptron`, {name}, seed {seed}", parameters, step, orbits, seconds, 1e6 * together, 1e6 * alone)
 
     import jax
     import jax.numpy as jnp
@@ -621,14 +698,17 @@ def run(case, options, np):
             w = steps(w)
             return w, w
 
-        begins = jnp.asarray(case.initial)
-        compiled = jax.jit(lambda z: jax.lax.scan(body, z, None, length=count)[1]).lower(begins).compile()
-        with one_core():
-            start = time.perf_counter()
-            found = compiled(begins).block_until_ready()
-        micro = 1e6 * (time.perf_counter() - start) / (count * 64)
+        def timed(begins):
+            compiled = jax.jit(lambda z: jax.lax.scan(body, z, None, length=count)[1]).lower(begins).compile()
+            with one_core():
+                start = time.perf_counter()
+                found = compiled(begins).block_until_ready()
+            return found, 1e6 * (time.perf_counter() - start) / (count * len(begins))
+
+        found, micro = timed(jnp.asarray(case.initial))
+        _, alone = timed(jnp.asarray(case.initial[:1]))
         orbits = np.concatenate([case.initial[None], np.asarray(found)])
-        row(name, parameters, np.asarray(jax.jit(steps)(jnp.asarray(inputs[:held]))), orbits, seconds, micro)
+        row(name, parameters, np.asarray(jax.jit(steps)(jnp.asarray(inputs[:held]))), orbits, seconds, micro, alone)
 
     names = {"mlp": "perceptron", "generating": "generating function", "field": "averaged field"}
     for kind in options.kinds:
@@ -657,10 +737,10 @@ def run(case, options, np):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--seeds", type=int, default=1, help="initial weights of each network in JAX")
+    parser.add_argument("--seeds", type=int, default=1, help="initial weights of each network")
     parser.add_argument("--iterations", type=int, default=200, help="of Levenberg-Marquardt in JAX")
     parser.add_argument("--kinds", nargs="+", default=["mlp", "generating", "field"], choices=["mlp", "generating", "field"])
-    cases = (Oscillators, FieldLines, StraightFieldLines)
+    cases = (Oscillators, LongOscillators, FullOrbit, FieldLines, StraightFieldLines)
     names = ", ".join(case.name for case in cases)
     parser.add_argument("cases", nargs="*", help=f"{names}; all, where none is named")
     options = parser.parse_args()

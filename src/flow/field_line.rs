@@ -93,8 +93,8 @@ impl<'a> LineMap<'a> {
     }
 
     /// The points after 1, …, `maps` maps, rows (R, Z): all points after the first map, then all after the second, …
-    /// A line that is further from the middle of the machine than any coil, or runs into one, is lost: its points are
-    /// NaN from there on.
+    /// A line that is further from the middle of the machine than any coil is lost: its points are NaN from there on. For
+    /// lines that run into a coil see [`LineMap::nearest_to_coils`].
     ///
     /// # Errors
     /// When there are no whole rows, or the states do not fit into memory.
@@ -113,6 +113,33 @@ impl<'a> LineMap<'a> {
             radius > 0.0 && libm::hypot(radius, height) <= extent
         });
         Ok(states)
+    }
+
+    /// How near each line comes to a point of a coil, in metres, over so many maps: the least of its distances after each
+    /// step; NaN where it is lost.
+    ///
+    /// # Errors
+    /// Those of [`LineMap::trajectories`].
+    pub fn nearest_to_coils(&self, initial: &[f64], maps: usize) -> Result<Vec<f64>, Error> {
+        let step = self.angle / self.steps as f64;
+        let mut nearest = vec![f64::INFINITY; initial.len() / 2];
+        let mut here = initial.to_vec();
+        for _ in 0..maps {
+            for number in 0..self.steps {
+                here = self.part(number as f64 * step, step).trajectories(&here, 1)?;
+                let (sin, cos) = Elementary::sin_cos(self.phi + (number + 1) as f64 * step);
+                nearest.par_iter_mut().zip(here.par_chunks_exact(2)).for_each(
+                    |(nearest, place)| {
+                        let [radius, height] = [place[0], place[1]];
+                        let found = self.field.distance([radius * cos, radius * sin, height]);
+                        // A NaN stays.
+                        *nearest =
+                            if nearest.is_nan() || found >= *nearest { *nearest } else { found };
+                    },
+                );
+            }
+        }
+        Ok(nearest)
     }
 
     /// dR/dφ and dZ/dφ at points of the half-plane `angle` beyond the section.

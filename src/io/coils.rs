@@ -103,7 +103,7 @@ pub fn parse_coils(
         let (mut sines, cosines) = (modes(0), modes(1));
         // That of mode 0 is none.
         sines[0] = [0.0; 3];
-        Coil { cosines, sines, current }
+        Coil { cosines, sines, current, width: 0.0 }
     });
     Ok(CoilSet { coils: coils.collect(), periods, stellarator_symmetric })
 }

@@ -24,6 +24,7 @@ mod horizon;
 mod implicit;
 mod invariant_circle;
 mod inversion;
+mod island;
 mod jacobian;
 pub mod laws;
 mod level_set;
@@ -49,6 +50,7 @@ mod series_invariant;
 mod stopping;
 mod surfaces;
 mod survival;
+mod symmetric_orbits;
 mod symplecticity;
 mod tally;
 mod work_precision;
@@ -85,17 +87,19 @@ pub mod trajectories {
     pub use super::surfaces::{LockedInterval, distances_to_set, locked_interval, winding_numbers};
 }
 
-/// Periodic orbits, invariant circles, frequencies, manifolds and survival of orbits of a map.
+/// Periodic orbits, islands, invariant circles, frequencies, manifolds and survival of orbits of a map.
 pub mod orbits {
     pub use super::control_response::{AtControls, OrbitResponse};
     pub use super::frequency::{SpectralLine, Tunes, spectral_lines, tunes};
     pub use super::invariant_circle::InvariantCircle;
+    pub use super::island::{Island, IslandSearch};
     pub use super::manifold::{Branch, PlaneMap, manifold, smaller_alignment_index};
     pub use super::periodic::{
         PeriodicOrbit, WithJacobian, lyapunov_exponent, periodic_orbit, periodic_orbits,
     };
     pub use super::rotation::{RotationNumber, rotation_numbers};
     pub use super::survival::{Follow, dynamic_aperture, maps_survived};
+    pub use super::symmetric_orbits::{SymmetryLine, symmetric_periodic_orbits};
 }
 
 /// Work–precision comparisons: the error of each method against its run time.

@@ -17,8 +17,9 @@ use crate::flow::Region;
 use crate::io::{
     SourceCode, SourceLanguage, StoredModel, load_model, model_text, parse_model, save_model,
 };
+use crate::layer::Reversor;
 use crate::measure::certificate::{CertificateOptions, certify_unless_stopped};
-use crate::measure::orbits::{Branch, lyapunov_exponent, smaller_alignment_index};
+use crate::measure::orbits::{Branch, SymmetryLine, lyapunov_exponent, smaller_alignment_index};
 use crate::network::{Architecture, Course, Pace, Rollout};
 use crate::phase::Direction;
 use crate::scalar::{Grid, GridNumbers};
@@ -499,6 +500,42 @@ impl Model {
         apart: f64,
     ) -> PyResult<Bound<'py, PyList>> {
         orbits::of_model(py, &self.stored, &guesses, period, apart)
+    }
+
+    /// The periodic orbits of exactly `period` steps that begin on the line of symmetry of a reversible map of a plane,
+    /// between `low` and `high` on that line: q = 0 for reversor="positions", p = 0 for "momenta". No guess is needed:
+    /// the line is looked at in `samples` points. Dictionaries as of `periodic_orbits`, in the order of their
+    /// beginnings, in units of the data. Raises Error as `predict`, and of a model of more than one degree of freedom.
+    #[pyo3(signature = (reversor, low, high, period=1, *, samples=200))]
+    fn symmetric_orbits<'py>(
+        &self,
+        py: Python<'py>,
+        reversor: &str,
+        low: f64,
+        high: f64,
+        period: usize,
+        samples: usize,
+    ) -> PyResult<Bound<'py, PyList>> {
+        let reversor = Reversor::find(reversor)?;
+        let line = SymmetryLine { reversor, from: low, to: high, samples };
+        orbits::symmetric_of_model(py, &self.stored, line, period)
+    }
+
+    /// The island around the elliptic orbit of `period` steps near `guess`, 2 numbers, for a map of a plane, on the ray
+    /// from the point `around`, such as the magnetic axis, through the orbit's first point: a dictionary of the
+    /// distances from `around` between which orbits stay in it, low and high, their difference width, and the angle
+    /// of the ray in radians; None where there is no island, or one beyond `reach`, a share of the distance from
+    /// `around`. In units of the data. Raises Error as `predict`, and where the orbit is not elliptic.
+    #[pyo3(signature = (guess, period=1, *, around, reach=0.15))]
+    fn island<'py>(
+        &self,
+        py: Python<'py>,
+        guess: Rows<'py>,
+        period: usize,
+        around: Rows<'py>,
+        reach: f64,
+    ) -> PyResult<Option<Bound<'py, PyDict>>> {
+        orbits::island_of(py, &self.stored, &guess, period, &around, reach)
     }
 
     /// The finite-time Lyapunov exponent of the orbit from `point`, 2n numbers: ln of the growth per step of a small

@@ -5,8 +5,9 @@ use crate::error::Error;
 use crate::flow::Trajectories;
 use crate::io::{StoredModel, read_section};
 use crate::measure::orbits::{
-    Branch, InvariantCircle, PeriodicOrbit, WithJacobian, manifold, periodic_orbit,
-    periodic_orbits, rotation_numbers, spectral_lines as lines_of, tunes as tunes_of,
+    Branch, InvariantCircle, IslandSearch, PeriodicOrbit, SymmetryLine, WithJacobian, manifold,
+    periodic_orbit, periodic_orbits, rotation_numbers, spectral_lines as lines_of,
+    symmetric_periodic_orbits, tunes as tunes_of,
 };
 use crate::network::Rollout;
 use crate::phase::Direction;
@@ -50,8 +51,57 @@ pub(super) fn of_model<'py>(
         let map = |z: &[f64]| with_jacobian(stored, z);
         periodic_orbits(&map, &guesses, period, apart)
     })?;
-    let all = found.into_iter().map(|orbit| as_dict(py, orbit));
+    as_list(py, found)
+}
+
+fn as_list(py: Python<'_>, orbits: Vec<PeriodicOrbit>) -> PyResult<Bound<'_, PyList>> {
+    let all = orbits.into_iter().map(|orbit| as_dict(py, orbit));
     PyList::new(py, all.collect::<PyResult<Vec<_>>>()?)
+}
+
+/// See `Model.symmetric_orbits`.
+pub(super) fn symmetric_of_model<'py>(
+    py: Python<'py>,
+    stored: &StoredModel,
+    line: SymmetryLine,
+    period: usize,
+) -> PyResult<Bound<'py, PyList>> {
+    of_a_plane(stored)?;
+    let map = |z: &[f64]| with_jacobian(stored, z);
+    let found = py.detach(|| symmetric_periodic_orbits(&map, &line, period))?;
+    as_list(py, found)
+}
+
+/// See `Model.island`.
+pub(super) fn island_of<'py>(
+    py: Python<'py>,
+    stored: &StoredModel,
+    guess: &Rows<'_>,
+    period: usize,
+    around: &Rows<'_>,
+    reach: f64,
+) -> PyResult<Option<Bound<'py, PyDict>>> {
+    of_a_plane(stored)?;
+    let (guess, around) = (point_of("guess", guess, 1)?, point_of("around", around, 1)?);
+    let found = py.detach(|| {
+        let orbit = periodic_orbit(&|z: &[f64]| with_jacobian(stored, z), &guess, period)?;
+        let follow = |points: &[f64], steps: usize| {
+            Ok(stored.rollout(points, Rollout { steps, every: 1 })?.split_off(points.len()))
+        };
+        IslandSearch::of_orbit(&orbit, ([around[0], around[1]], reach), &follow)
+    })?;
+    let Some(island) = found else { return Ok(None) };
+    let out = PyDict::new(py);
+    out.set_item("low", island.interval.low)?;
+    out.set_item("high", island.interval.high)?;
+    out.set_item("width", island.interval.width())?;
+    out.set_item("angle", island.angle)?;
+    Ok(Some(out))
+}
+
+/// Fails of a map of more than a plane.
+fn of_a_plane(stored: &StoredModel) -> Result<(), Error> {
+    Error::check_count("coordinates of a plane", 2, 2 * stored.model.composition().dof())
 }
 
 /// What is asked of one orbit of a map with its Jacobian.

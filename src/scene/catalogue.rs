@@ -37,6 +37,7 @@ pub fn catalogue() -> &'static [CatalogueEntry] {
         "jolts",
         "coils",
         "edge",
+        "tokamak",
         "controls",
         "full-orbit",
         "two-modes",

@@ -7,7 +7,7 @@ use crate::layer::Reversor;
 use crate::network::{ControlRange, Controls};
 use crate::phase::Section;
 use crate::scalar::max_or_nan;
-use crate::system::{Coil, CoilSet, Torsatron};
+use crate::system::{Coil, CoilSet, Tokamak, Torsatron};
 use crate::train::ControlOptions;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
@@ -19,6 +19,8 @@ use std::path::PathBuf;
 pub enum Coils {
     /// A torsatron, given by a formula.
     Torsatron(Torsatron),
+    /// A tokamak, given by a formula.
+    Tokamak(Tokamak),
     /// Coils from a file, as [`read_coils`] reads it.
     File(CoilFile),
 }
@@ -92,7 +94,7 @@ pub struct LineControl {
     /// Its name.
     pub name: String,
     /// What a unit of the control adds to the current of each given coil, in amperes; for a torsatron these coils are
-    /// the windings and the two rings.
+    /// the windings and the two rings, for a tokamak the coils in poloidal planes and the plasma.
     pub currents: Vec<f64>,
 }
 
@@ -164,6 +166,7 @@ impl Coils {
     fn periods(&self) -> u32 {
         match self {
             Self::Torsatron(torsatron) => torsatron.periods,
+            Self::Tokamak(tokamak) => tokamak.coils,
             Self::File(file) => file.periods,
         }
     }
@@ -171,14 +174,24 @@ impl Coils {
     /// Whether half a turn about the x axis maps the machine to itself.
     fn is_symmetric(&self) -> bool {
         match self {
-            Self::Torsatron(_) => true,
+            Self::Torsatron(_) | Self::Tokamak(_) => true,
             Self::File(file) => file.stellarator_symmetric,
+        }
+    }
+
+    /// By a formula, with a point near the magnetic axis; None of a file.
+    fn by_formula(&self) -> Option<(Result<CoilSet, Error>, [f64; 2])> {
+        match self {
+            Self::Torsatron(torsatron) => Some((torsatron.coils(), [torsatron.major_radius, 0.0])),
+            Self::Tokamak(tokamak) => Some((tokamak.coils(), [tokamak.plasma_radius, 0.0])),
+            Self::File(_) => None,
         }
     }
 
     fn set(&self) -> Result<CoilSet, Error> {
         match self {
             Self::Torsatron(torsatron) => torsatron.coils(),
+            Self::Tokamak(tokamak) => tokamak.coils(),
             Self::File(CoilFile { path, currents, periods, stellarator_symmetric }) => {
                 read_coils(path, currents, *periods, *stellarator_symmetric)
             }
@@ -213,9 +226,7 @@ impl LineData {
 
     /// Fails unless numbers are in range; a file is not read.
     pub(super) fn check(&self) -> Result<(), Error> {
-        if let Coils::Torsatron(torsatron) = &self.coils {
-            torsatron.coils()?;
-        }
+        let by_formula = self.coils.by_formula().map(|(set, _)| set).transpose()?;
         let place = |error: Error| error.with_place("data.lines");
         let counts = [
             ("coils.periods", self.coils.periods() as usize, 1, 1000),
@@ -230,8 +241,7 @@ impl LineData {
         Error::check_range("reach", self.reach, Error::LEAST_POSITIVE, f64::MAX).map_err(place)?;
         if let Some(controls) = &self.controls {
             controls.check().map_err(place)?;
-            if let Coils::Torsatron(torsatron) = &self.coils {
-                let set = torsatron.coils()?;
+            if let Some(set) = by_formula {
                 controls.list.iter().try_for_each(|c| check_currents(&set, c)).map_err(place)?;
             }
         }
@@ -276,10 +286,7 @@ impl LineData {
 
     /// The section in the middle of the ranges of the controls.
     fn nominal_section(&self) -> Result<LineSection, Error> {
-        let of_formula = match &self.coils {
-            Coils::Torsatron(torsatron) => Some([torsatron.major_radius, 0.0]),
-            Coils::File(_) => None,
-        };
+        let of_formula = self.coils.by_formula().map(|(_, axis)| axis);
         let request = LineRequest {
             phi: TAU * self.section / f64::from(self.coils.periods()),
             angle: self.angle(),
@@ -331,7 +338,7 @@ pub(super) struct TracedLines {
     pub(super) training: Pairs,
     /// … and of the others.
     pub(super) held_out: Option<Pairs>,
-    /// How far out the lines begin that left the machine, in metres from the axis.
+    /// How far out the lines begin that left the machine or ran into a coil, in metres from the axis.
     pub(super) lost: Vec<f64>,
     /// Field periods in a map.
     pub(super) periods: u32,
@@ -388,7 +395,13 @@ impl OfMachine {
         };
         let starts = section.starts(count);
         let end = &states[2 * maps * count..];
-        let stays = |m: &usize| end[2 * m].is_finite() && end[2 * m + 1].is_finite();
+        // A line that goes round the section once comes as near to the coils as it ever does, nearly.
+        let once = (libm::ceil(1.0 / turns) as usize).clamp(1, maps);
+        let nearest = section.map().nearest_to_coils(&starts, once)?;
+        let resolved = section.field().resolved_from();
+        let stays = |m: &usize| {
+            end[2 * m].is_finite() && end[2 * m + 1].is_finite() && nearest[*m] >= resolved
+        };
         let kept: Vec<usize> = (0..count).filter(stays).collect();
         if kept.len() < LEAST_LINES {
             let found = format!("{} of {count} lines over {maps} maps", kept.len());

@@ -275,7 +275,7 @@ fn file_digests(scene: &Scene) -> Result<Vec<String>, Error> {
     let data = scene.setup.data.as_ref();
     let coils = data.and_then(|data| data.lines.as_ref()).and_then(|lines| match &lines.coils {
         Coils::File(file) => Some(&file.path),
-        Coils::Torsatron(_) => None,
+        Coils::Torsatron(_) | Coils::Tokamak(_) => None,
     });
     let of_data = data.into_iter().flat_map(|data| [&data.pairs, &data.trajectories]).flatten();
     let networks = scene.setup.models.iter().filter_map(|model| model.network.path.as_ref());

@@ -5,7 +5,7 @@ use crate::scalar::{Elementary, max_or_nan};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
-/// A closed filament that carries a current: x(t) = Σ_k c_k cos 2πkt + s_k sin 2πkt, 0 ≤ t < 1, in metres.
+/// A closed line that carries a current: x(t) = Σ_k c_k cos 2πkt + s_k sin 2πkt, 0 ≤ t < 1, in metres.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Coil {
     /// c_k of x, y and z, k from 0.
@@ -14,6 +14,9 @@ pub struct Coil {
     pub sines: Vec<[f64; 3]>,
     /// Its current in the direction of growing t, in amperes.
     pub current: f64,
+    /// The width w of the current, in metres: 0 for a filament. A current with a width, such as that of a plasma, is
+    /// spread around the line: across a straight one as w²/π(s² + w²)² at a distance s.
+    pub width: f64,
 }
 
 impl Coil {
@@ -42,7 +45,7 @@ impl Coil {
                 }
             }
         }
-        Ok(Self { cosines, sines, current })
+        Ok(Self { cosines, sines, current, width: 0.0 })
     }
 
     /// x(t) and dx/dt.
@@ -74,6 +77,17 @@ impl Coil {
             cosines: turn(&self.cosines),
             sines: turn(&self.sines),
             current: sign * self.current,
+            width: self.width,
+        }
+    }
+
+    /// A circle about the z axis.
+    fn ring(radius: f64, height: f64, current: f64, width: f64) -> Self {
+        Self {
+            cosines: vec![[0.0, 0.0, height], [radius, 0.0, 0.0]],
+            sines: vec![[0.0; 3], [0.0, radius, 0.0]],
+            current,
+            width,
         }
     }
 }
@@ -224,14 +238,84 @@ impl Torsatron {
             coils.push(Coil::of_points(&points, self.current)?);
         }
         for height in [self.ring_height, -self.ring_height] {
-            let r = self.ring_radius;
-            coils.push(Coil {
-                cosines: vec![[0.0, 0.0, height], [r, 0.0, 0.0]],
-                sines: vec![[0.0; 3], [0.0, r, 0.0]],
-                current: self.ring_share * self.current,
-            });
+            let current = self.ring_share * self.current;
+            coils.push(Coil::ring(self.ring_radius, height, current, 0.0));
         }
         // Windings and rings are all there; turning by a period exchanges the windings.
+        Ok(CoilSet { coils, periods: 1, stellarator_symmetric: false })
+    }
+}
+
+/// The coils of a tokamak by formula: circular coils in poloidal planes, whose number makes the ripple of the toroidal
+/// field, and the current of the plasma, a ring with a width.
+///
+/// Coil j of N is the circle R = R₀ + b cos t, Z = −b sin t at φ = 2πj/N; its current makes B_φ positive. The current I of a plasma of radius R₁ and width w
+/// gives |ι| = μ₀I R₁/2πB(s² + w²) at a distance s from its middle, up to terms in w/R₁.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Tokamak {
+    /// N, the number of coils in poloidal planes.
+    pub coils: u32,
+    /// R₀, the distance of their middles from the z axis, in metres.
+    pub major_radius: f64,
+    /// b, their radius, in metres.
+    pub minor_radius: f64,
+    /// The current of each of them, in amperes.
+    pub current: f64,
+    /// R₁, the radius of the ring of the plasma's current, in metres.
+    pub plasma_radius: f64,
+    /// w, its width, in metres.
+    pub plasma_width: f64,
+    /// I, the current of the plasma, in amperes.
+    pub plasma_current: f64,
+}
+
+impl Default for Tokamak {
+    /// 18 coils, 3 T at R = 3 m, a plasma of 1 MA: its axis is at R = 3.125 m.
+    fn default() -> Self {
+        Self {
+            coils: 18,
+            major_radius: 3.2,
+            minor_radius: 1.9,
+            current: 2.5e6,
+            plasma_radius: 3.0,
+            plasma_width: 0.5,
+            plasma_current: 1e6,
+        }
+    }
+}
+
+impl Tokamak {
+    /// Its coils, the plasma last.
+    ///
+    /// # Errors
+    /// When a number or a size is not positive, or coils reach beyond the z axis.
+    pub fn coils(&self) -> Result<CoilSet, Error> {
+        Error::check_count_range("coils.coils", self.coils as usize, 1, 1000)?;
+        for (name, value, most) in [
+            ("coils.major_radius", self.major_radius, f64::MAX),
+            ("coils.minor_radius", self.minor_radius, self.major_radius),
+            ("coils.plasma_radius", self.plasma_radius, f64::MAX),
+            ("coils.plasma_width", self.plasma_width, f64::MAX),
+        ] {
+            Error::check_range(name, value, Error::LEAST_POSITIVE, most)?;
+        }
+        for (name, value) in
+            [("coils.current", self.current), ("coils.plasma_current", self.plasma_current)]
+        {
+            Error::check_finite(name, value)?;
+        }
+        let upright = Coil {
+            cosines: vec![[self.major_radius, 0.0, 0.0], [self.minor_radius, 0.0, 0.0]],
+            sines: vec![[0.0; 3], [0.0, 0.0, -self.minor_radius]],
+            current: self.current,
+            width: 0.0,
+        };
+        let at = |number: u32| TAU * f64::from(number) / f64::from(self.coils);
+        let mut coils: Vec<Coil> =
+            (0..self.coils).map(|number| upright.turned(at(number), false)).collect();
+        coils.push(Coil::ring(self.plasma_radius, 0.0, self.plasma_current, self.plasma_width));
+        // All of them are there.
         Ok(CoilSet { coils, periods: 1, stellarator_symmetric: false })
     }
 }
@@ -242,12 +326,14 @@ struct Element {
     at: [f64; 3],
     /// μ₀I/4π dx/dt Δt, in tesla metres squared.
     current: [f64; 3],
+    /// w².
+    width: f64,
 }
 
-/// The magnetic field of filament coils, in tesla, by the trapezoidal rule along each coil. Its error falls
+/// The magnetic field of coils, in tesla, by the trapezoidal rule along each coil. Its error falls
 /// exponentially with the number of points, once they are closer to one another than the place is to the coil.
 ///
-/// B(r) = μ₀/4π Σ I ∮ dx × (r − x)/|r − x|³.
+/// B(r) = μ₀/4π Σ I ∮ dx × (r − x)/(|r − x|² + w²)^{3/2}, the curl of A(r) = μ₀/4π Σ I ∮ dx/(|r − x|² + w²)^{1/2}.
 #[derive(Clone, Debug)]
 pub struct CoilField {
     elements: Vec<Element>,
@@ -277,7 +363,7 @@ impl CoilField {
                 return Err(Error::invalid("points along a coil", points, expected));
             }
             let numbers = coil.cosines.iter().chain(&coil.sines).flatten();
-            for v in numbers.chain([&coil.current]) {
+            for v in numbers.chain([&coil.current, &coil.width]) {
                 Error::check_finite("coil", *v).map_err(|e| e.with_place(place()))?;
             }
             if coil.current == 0.0 {
@@ -288,7 +374,8 @@ impl CoilField {
                 let share = Self::MU_0_OVER_4_PI * coil.current / points as f64;
                 let length = libm::sqrt(tangent.iter().map(|v| v * v).sum());
                 spacing = max_or_nan(spacing, length / points as f64);
-                elements.push(Element { at, current: tangent.map(|v| v * share) });
+                let width = coil.width * coil.width;
+                elements.push(Element { at, current: tangent.map(|v| v * share), width });
             }
         }
         if elements.is_empty() {
@@ -303,6 +390,11 @@ impl CoilField {
         libm::sqrt(squares.fold(0.0, max_or_nan))
     }
 
+    /// The distance from a coil, in metres, from which on its points act as a line.
+    pub fn resolved_from(&self) -> f64 {
+        NEAREST * self.spacing
+    }
+
     /// The number of points of all coils together.
     pub fn points(&self) -> usize {
         self.elements.len()
@@ -312,13 +404,13 @@ impl CoilField {
     #[inline(always)]
     pub fn at<S: Elementary>(&self, place: [S; 3]) -> [S; 3] {
         let mut field = [S::zero(); 3];
-        for Element { at, current } in &self.elements {
+        for Element { at, current, width } in &self.elements {
             let x = place[0] - S::from_f64(at[0]);
             let y = place[1] - S::from_f64(at[1]);
             let z = place[2] - S::from_f64(at[2]);
             let [a, b, c] =
                 [S::from_f64(current[0]), S::from_f64(current[1]), S::from_f64(current[2])];
-            let square = x.mul_add(x, y.mul_add(y, z * z));
+            let square = x.mul_add(x, y.mul_add(y, z.mul_add(z, S::from_f64(*width))));
             let inverse = S::from_f64(1.0) / (square * square.sqrt());
             let cross = [b * z - c * y, c * x - a * z, a * y - b * x];
             for k in 0..3 {
@@ -355,7 +447,7 @@ impl CoilField {
         let (s, c) = Elementary::sin_cos(phi);
         let point = [radius * c, radius * s, height];
         let distance = self.distance(point);
-        if !(distance >= NEAREST * self.spacing) {
+        if !(distance >= self.resolved_from()) {
             let expected = format!(
                 "at least {NEAREST} times {:.3e} m, the distance of its points",
                 self.spacing
@@ -373,11 +465,13 @@ impl CoilField {
         Ok(())
     }
 
-    /// The distance of a place from the nearest point of a coil.
+    /// The distance d of a place from the nearest point of a coil; for a current with a width w it is √(d² + w²), over
+    /// which its field varies.
     pub fn distance(&self, place: [f64; 3]) -> f64 {
         let mut least = f64::INFINITY;
-        for Element { at, .. } in &self.elements {
+        for Element { at, width, .. } in &self.elements {
             let square: f64 = at.iter().zip(place).map(|(a, b)| (a - b) * (a - b)).sum();
+            let square = square + width;
             if square.is_nan() {
                 return f64::NAN;
             }

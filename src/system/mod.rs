@@ -11,7 +11,7 @@ mod three_oscillators;
 mod van_der_pol;
 
 pub use cellular_drift::CellularDrift;
-pub use coils::{Coil, CoilField, CoilSet, Torsatron};
+pub use coils::{Coil, CoilField, CoilSet, Tokamak, Torsatron};
 pub use counted::Counted;
 pub use field_lines::FieldLines;
 pub use full_orbit::FullOrbit;

@@ -1,12 +1,13 @@
 //! The scene of field lines of coils: of built-in coils and of a file, its report, its model, and what it refuses.
 
 use crate::helpers::{call, folder, refuses, succeeds, text};
+use gyroceptron::flow::{LineRequest, LineSection};
 use gyroceptron::io::{StoredModel, load_model, read_trajectories, write_points};
 use gyroceptron::layer::Reversor;
 use gyroceptron::network::Rollout;
 use gyroceptron::scalar::max_or_nan;
 use gyroceptron::scene::{Event, Folder, Observer, parse, run};
-use gyroceptron::system::Torsatron;
+use gyroceptron::system::{Tokamak, Torsatron};
 use serde_json::Value;
 use std::fmt::Write;
 use std::path::Path;
@@ -377,6 +378,42 @@ fn tracing_can_be_stopped_and_gone_on_with() {
     let [whole, parts] = ["whole", "parts"]
         .map(|name| std::fs::read(folder.path().join(name).join("report.json")).expect("a report"));
     assert!(whole == parts);
+}
+
+/// A tokamak by its formula: its axis is in the middle of its plasma, and a map of a coil learns its lines.
+#[test]
+fn lines_of_a_tokamak_are_learnt() {
+    let folder = folder();
+    let path = folder.path();
+    let whole = scene("{ kind = \"tokamak\", coils = 12 }");
+    let (before, rest) = whole.split_once("[poincare]").expect("a study");
+    let (_, models) = rest.split_once("[[models]]").expect("a network");
+    let before = before.replace("reach = 0.05", "reach = 0.3");
+    let (head, training) = before.split_once("plots").expect("figures");
+    let (_, training) = training.split_once('\n').expect("a line");
+    std::fs::write(path.join("t.toml"), format!("{head}{training}[[models]]{models}"))
+        .expect("written");
+    succeeds(path, &["run", "t.toml", "--out", "o"]);
+    let stored = load_model(&path.join("o/model.json")).expect("a model");
+    let coils = Tokamak { coils: 12, ..Tokamak::default() }.coils().expect("sound");
+    let request = LineRequest {
+        phi: 0.0,
+        angle: std::f64::consts::TAU / 12.0,
+        reach: 0.3,
+        guess: Some([3.0, 0.0]),
+        error: 1e-8,
+    };
+    let section = LineSection::new(&coils.all().expect("coils"), request).expect("a section");
+    let starts = section.starts(5);
+    let traced = section.map().trajectories(&starts, 20).expect("lines");
+    let request = Rollout { steps: 20, every: 1 };
+    let learnt = stored.rollout(&starts, request).expect("orbits").split_off(starts.len());
+    let off = learnt.iter().zip(&traced).map(|(a, b)| (a - b).abs()).fold(0.0, max_or_nan);
+    let moved = traced.iter().zip(starts.iter().cycle()).map(|(a, b)| (a - b).abs());
+    assert!(off < 1e-3 && moved.fold(0.0, max_or_nan) > 0.3, "{off}");
+    let refused = whole.replace("coils = 12", "coils = 12, plasma_width = -1.0");
+    std::fs::write(path.join("bad.toml"), refused).expect("written");
+    refuses(path, &["run", "bad.toml"], &["coils.plasma_width", "-1"]);
 }
 
 #[test]

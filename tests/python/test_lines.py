@@ -47,6 +47,16 @@ def test_lines_are_traced_and_learnt(lines, tmp_path):
     assert orbit["residue"] == pytest.approx((2 - orbit["trace"]) / 4)
     assert np.abs(orbit["multiplier"] - model.jacobian(orbit["points"][0])).max() < 1e-12
     assert orbit["missed"] < 1e-12
+    # The midplane is the line of symmetry: the axis is found on it without a guess.
+    (other,) = model.symmetric_orbits("momenta", radius - 0.03, radius + 0.03, samples=31)
+    assert np.abs(other["points"] - orbit["points"])[:, 0].max() < 1e-4
+    with pytest.raises(gyroceptron.Error, match="ascending"):
+        model.symmetric_orbits("momenta", radius, radius - 0.01)
+    with pytest.raises(gyroceptron.Error, match="positions or momenta"):
+        model.symmetric_orbits("midplane", radius - 0.01, radius)
+    # The axis is no island around itself.
+    with pytest.raises(gyroceptron.Error, match="away from its centre"):
+        model.island(lines.axis, around=orbit["points"][0])
     assert abs(model.lyapunov_exponent(states[0, 5], 500)) < 0.05
     with pytest.raises(gyroceptron.Error, match="one point"):
         model.lyapunov_exponent(states[0], 500)

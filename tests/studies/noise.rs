@@ -43,14 +43,17 @@ initial = [[0.7, 0.1, 0.0, 0.2], [0.2, 0.6, 0.0, 0.0]]
 #[test]
 fn noise_and_gaps_are_told() {
     let folder = temporary();
-    let report = run_in(folder.path(), &parse("noisy", NOISE).expect("a scene"));
+    let network = "network = { kind = \"henon-net\"";
+    let scene = NOISE.replace(network, &format!("seeds = 2\n{network}"));
+    let report = run_in(folder.path(), &parse("noisy", &scene).expect("a scene"));
     let found = &report.study("noise").expect("a study").results.data;
     let found = found.as_array().expect("rows");
     // None, three levels and a gap, of two networks each.
     assert_eq!(found.len(), 10);
     let number = |value: &Value| value.as_f64().expect("a number");
     for network in ["normal-form", "henon-net"] {
-        let of: Vec<&Value> = found.iter().filter(|of| of["network"] == network).collect();
+        let rows: Vec<&Value> = found.iter().filter(|of| of["network"] == network).collect();
+        let of: Vec<&Value> = rows.iter().map(|row| &row["seeds"][0]).collect();
         let clean: Vec<f64> = of.iter().map(|of| number(&of["clean"])).collect();
         let held_out: Vec<f64> = of.iter().map(|of| number(&of["held_out"])).collect();
         // Without noise the two are the same pairs.
@@ -64,7 +67,7 @@ fn noise_and_gaps_are_told() {
         assert!(held_out[2] < 1.3e-2 * 2.0_f64.sqrt(), "{network}: {held_out:?}");
         assert!(clean[3] > 2.0 * clean[0] && clean[3] > 2.0 * clean[2], "{network}: {clean:?}");
         // What is held out is in the gap too.
-        assert!(number(&of[4]["pairs"]) < 0.8 * number(&of[0]["pairs"]));
+        assert!(number(&rows[4]["pairs"]) < 0.8 * number(&rows[0]["pairs"]));
         assert!(clean[4] > 2.0 * clean[0], "{network}: {clean:?}");
         // More noise than signal.
         assert_eq!(of[3]["verdict"], "no", "{}", of[3]);
@@ -73,9 +76,23 @@ fn noise_and_gaps_are_told() {
     }
     // The invariant of the normal form is exact, whatever its pairs.
     for of in found.iter().filter(|of| of["network"] == "normal-form") {
-        assert!(number(&of["own"]) < 1e-12, "{of}");
+        assert!(number(&of["seeds"][0]["own"]) < 1e-12, "{of}");
     }
     let text = std::fs::read_to_string(folder.path().join("report.md")).expect("a report");
+    // The median of two is the mean, and the worst the larger one.
+    for of in found.iter().filter(|of| of["network"] == "henon-net") {
+        let seeds = of["seeds"].as_array().expect("seeds");
+        let errors: Vec<f64> = seeds.iter().map(|seed| number(&seed["held_out"])).collect();
+        let [first, second] = errors[..] else { panic!("{of}") };
+        assert_ne!(first, second);
+        let row = format!(
+            "| {} | `henon-net` | {:.1e} | {:.1e} |",
+            of["fault"].as_str().expect("words"),
+            f64::midpoint(first, second),
+            first.max(second)
+        );
+        assert!(text.contains(&row), "{row}\n{text}");
+    }
     for words in ["| noise 1e-2 | `henon-net` |", "no pairs with 0 < z[1] < 2", "noise.svg"] {
         assert!(text.contains(words), "{words}");
     }

@@ -1,6 +1,7 @@
 //! Surfaces of section.
 
 use crate::helpers::{refused, run_in, temporary};
+use gyroceptron::measure::timing::{AtError, WorkPrecision};
 use gyroceptron::scene::{parse, render};
 use serde_json::Value;
 
@@ -8,7 +9,7 @@ pub(crate) const SURFACES: &str = r#"
 name = "lines"
 seed = 1
 flow_time = 6.283185307179586
-plots = ["section"]
+plots = ["section", "surfaces-methods"]
 
 [system]
 kind = "field-lines"
@@ -126,6 +127,11 @@ fn surfaces_tell_methods_apart() {
     assert!(integrable["island"].is_null() && number(&integrable["early"]) > 1e-2);
     let svg = std::fs::read_to_string(folder.path().join("section.svg")).expect("drawn");
     assert!(svg.contains("reference") && svg.contains("integrable"));
+    let svg = std::fs::read_to_string(folder.path().join("surfaces-methods.svg")).expect("drawn");
+    assert!(svg.contains("largest distance from the surface") && svg.contains("integrable"));
+    let timings = std::fs::read(folder.path().join("timings.json")).expect("run times");
+    let timings: Value = serde_json::from_slice(&timings).expect("one JSON document");
+    worth_is_that_of_the_fastest_rival(&timings["studies"]["surfaces"], found);
 
     refused(&SURFACES.replace("[33, 65]", "[2]"), &["surfaces", "nodes"]);
     // A ring cannot reach the axis: the table's row says so, and the others stand.
@@ -150,7 +156,7 @@ fn surfaces_tell_methods_apart() {
     let without = SURFACES.split("[surfaces]").next().expect("a set-up").to_owned()
         + "[[models]]"
         + SURFACES.split("[[models]]").nth(1).expect("a model");
-    let without = without.replace("plots = [\"section\"]", "");
+    let without = without.replace("plots = [\"section\", \"surfaces-methods\"]", "");
     let rolled = format!("{without}\n[rollout]\nsteps = 2\nevery = 2\ninitial = [[0.1, 0.3]]\n");
     assert!(parse("rolled", &rolled).is_ok());
     let quarter = rolled.replace("flow_time = 6.283185307179586", "flow_time = 1.5707963267948966");
@@ -191,7 +197,7 @@ fn islands_of_whole_turns_are_seen() {
     let (_, models) = rest.split_once("[[models]]").expect("a model");
     let only = "[[surfaces.integrators]]\nintegrator = { kind = \"gauss-legendre\", stages = 1 }\n\
                 steps = [30]\n[[models]]";
-    let head = head.replace("plots = [\"section\"]", "");
+    let head = head.replace("plots = [\"section\", \"surfaces-methods\"]", "");
     let reference = format!("{head}{only}{models}");
     let one = reference.replace("epsilon = 4e-3", whole);
     let one = one.replace("island = 50", "island = 150");
@@ -214,6 +220,44 @@ fn islands_of_whole_turns_are_seen() {
     for (scene, expected) in [(one, width(1.2, 1.0)), (three, of_three)] {
         let action = island(&scene);
         assert!((action / expected - 1.0).abs() < 0.25, "{action} for {expected}");
+    }
+}
+
+/// What a network is worth from the surfaces is read off the curves of its rivals by how far each is from them.
+fn worth_is_that_of_the_fastest_rival(timed: &Value, found: &Value) {
+    let methods: Vec<WorkPrecision> =
+        serde_json::from_value(timed["methods"].clone()).expect("methods");
+    let furthest = |of: &WorkPrecision| -> Option<f64> {
+        let rows = found["methods"].as_array().expect("methods").iter();
+        let mut rows = rows.filter(|row| row["steps"].as_f64() == of.setting);
+        let lines = rows.find(|row| row["name"] == of.name[..])?["surfaces"].as_array()?;
+        let each = lines.iter().map(|line| line[1].as_f64().unwrap_or(f64::NAN));
+        Some(each.fold(0.0, gyroceptron::scalar::max_or_nan)).filter(|far| far.is_finite())
+    };
+    let surfaces: Vec<WorkPrecision> = methods
+        .iter()
+        .map(|method| WorkPrecision { error: furthest(method), ..method.clone() })
+        .collect();
+    let worth = &timed["worth"][0];
+    assert_eq!(worth["network"], "integrable");
+    let paid = worth["paid"].as_f64().expect("seconds");
+    assert!(paid > 0.0, "{worth}");
+    // So far off it has lost the lines, though the surfaces say how far it is.
+    let one_by_one = &worth["one_by_one"];
+    assert!(one_by_one["error"].is_null() && one_by_one["factor"].is_null(), "{worth}");
+    let own = surfaces.iter().find(|method| method.setting.is_none()).expect("the network");
+    let (error, seconds) = (own.error.expect("an error"), own.seconds.expect("seconds").median);
+    let of = &worth["from_surfaces"];
+    assert_eq!(of["error"], error);
+    let rival = AtError::fastest(&surfaces, error).expect("a rival");
+    let factor = rival.seconds / seconds;
+    assert_eq!(of["factor"], factor);
+    // The seconds are for unit time, and a map is of 2π.
+    let gain = std::f64::consts::TAU * (rival.seconds - seconds);
+    let maps = of["maps_that_pay"].as_f64();
+    assert_eq!(maps.is_some(), factor > 1.0, "{of}");
+    if let Some(maps) = maps {
+        assert!((maps * gain / paid - 1.0).abs() < 1e-6, "{of} for {paid}");
     }
 }
 

@@ -159,6 +159,14 @@ class Model:
         self, guesses: ArrayLike, period: int = 1, apart: float = 1e-6
     ) -> list[_PeriodicOrbit]:
         """The orbits of exactly `period` steps that Newton's method finds from guesses (N, 2n)."""
+    def symmetric_orbits(
+        self, reversor: str, low: float, high: float, period: int = 1, *, samples: int = 200
+    ) -> list[_PeriodicOrbit]:
+        """The orbits of exactly `period` steps that begin on the line of symmetry of a reversible map of a plane."""
+    def island(
+        self, guess: ArrayLike, period: int = 1, *, around: ArrayLike, reach: float = 0.15
+    ) -> dict[str, float] | None:
+        """The island of the elliptic orbit near `guess` on a ray: low, high, width and angle; None without one."""
     def survival(
         self,
         points: ArrayLike,

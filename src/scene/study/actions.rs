@@ -1,5 +1,6 @@
 //! The actions of a system's torus, and those that networks have learnt.
 
+use super::seed_errors::{rollouts_of_seeds, words_of_rollouts};
 use super::shared::{Study, check_along};
 use crate::error::Error;
 use crate::flow::Trajectories;
@@ -82,6 +83,7 @@ impl Study for ActionsOptions {
             let distance = root_mean_square_distance(own.values(), along.values(), dim);
             distances.push((name, distance));
         }
+        let seeds = rollouts_of_seeds(context, &self.initial, request, along)?;
         let found = Results { interval, all, distances };
         let text = format!(
             "Along {} trajectories of time {}, {states} states of each: the root mean square over the trajectories of the \
@@ -95,17 +97,19 @@ impl Study for ActionsOptions {
             true => vec![found.figure()],
             false => Vec::new(),
         };
+        let mut summary = vec![
+            Block::Table(found.changes()),
+            Block::Table(found.distances()),
+            Block::Text(resonance(context.system()?)),
+        ];
+        let mut data = json!({ "actions": found.all, "distances": found.distances });
+        if !seeds.is_empty() {
+            summary.push(Block::Text(words_of_rollouts(&seeds)));
+            data["seeds"] = json!(seeds);
+        }
         Ok(Findings {
             title: "Actions".into(),
-            results: Section {
-                summary: vec![
-                    Block::Table(found.changes()),
-                    Block::Table(found.distances()),
-                    Block::Text(resonance(system)),
-                ],
-                details: vec![Block::Text(text)],
-                data: json!({ "actions": found.all, "distances": found.distances }),
-            },
+            results: Section { summary, details: vec![Block::Text(text)], data },
             figures,
             ..Findings::default()
         })

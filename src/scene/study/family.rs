@@ -1,6 +1,7 @@
 //! A family of maps: networks at ε and flow times that they were trained on or not, and how well
 //! their invariants are conserved along the reference at each ε.
 
+use super::seed_errors::MedianAndWorst;
 use super::shared::{Study, finite};
 use crate::error::Error;
 use crate::flow::Trajectories;
@@ -16,6 +17,7 @@ use crate::scene::context::{Context, RunError};
 use crate::scene::declared::Declared;
 use crate::scene::figure::{Axis, Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
+use crate::scene::learning::BySeed;
 use crate::scene::setup::{MOST, Need, check_points};
 use crate::scene::trained::Trained;
 use crate::system::{Hamiltonian, NearlyPeriodic, System};
@@ -102,7 +104,7 @@ impl Study for FamilyOptions {
     }
 
     fn run(&self, context: &mut Context<'_>) -> Result<Findings, RunError> {
-        let (models, time) = (context.models()?, context.flow_time()?);
+        let (models, time) = (context.by_network()?, context.flow_time()?);
         let mut cases = Vec::new();
         for &epsilon in &self.epsilons {
             for &flow_time in &self.flow_times {
@@ -113,9 +115,10 @@ impl Study for FamilyOptions {
         for &epsilon in &self.epsilons {
             invariants.push(self.invariants(context, &models, epsilon)?);
         }
-        let names: Vec<String> = models.iter().map(|one| one.spec.name.clone()).collect();
+        let names: Vec<String> = models.iter().map(|one| one.network.clone()).collect();
+        let most = models.iter().map(|one| one.seeds.len()).max().unwrap_or(1);
         let customary = self.customary(context.system()?);
-        let found = Results { names, customary, cases, invariants };
+        let found = Results { names, most, customary, cases, invariants };
         let text = format!(
             "Errors are on points that no training has seen; a map is marked as seen where pairs \
              of its ε and flow time were among those of the training. The frequency is that of the fast \
@@ -126,7 +129,13 @@ impl Study for FamilyOptions {
             self.states,
             self.initial.len(),
             self.slow_time
-        );
+        ) + match most {
+            1 => "",
+            _ => {
+                " Errors, frequencies and changes are medians over the initial weights of a network; one that leaves \
+                 the finite numbers counts as the worst."
+            }
+        };
         let figures = match context.draws(FIGURE) {
             true => vec![found.figure()],
             false => Vec::new(),
@@ -155,8 +164,10 @@ struct Case {
     flow_time: f64,
     seen: bool,
     rotation_error: f64,
-    /// The mean squared error of each network.
+    /// The mean squared error of each network, the median of its initial weights.
     errors: Vec<Option<f64>>,
+    /// That of the worst of them.
+    worst_errors: Vec<Option<f64>>,
     /// The error of its frequency of the fast plane, in radians for unit time.
     frequency_errors: Vec<Option<f64>>,
 }
@@ -170,8 +181,10 @@ struct Invariants {
     #[serde(skip_serializing_if = "Option::is_none")]
     customary: Option<f64>,
     averaged: f64,
-    /// Of each network; None where it owns none.
+    /// Of each network, the median of its initial weights; None where it owns none.
     learnt: Vec<Option<f64>>,
+    /// That of the worst of them.
+    worst_learnt: Vec<Option<f64>>,
 }
 
 /// The largest error of a phase, in radians, from which a frequency is taken.
@@ -186,7 +199,7 @@ impl FamilyOptions {
     fn case(
         &self,
         context: &mut Context<'_>,
-        models: &[Rc<Trained>],
+        models: &[BySeed],
         epsilon: f64,
         flow_time: f64,
         own_time: f64,
@@ -206,34 +219,48 @@ impl FamilyOptions {
         let steps = (self.slow_time / (epsilon * flow_time)).round().max(1.0) as usize;
         let interval = steps as f64 * flow_time;
         let reference = context.reference(&system, &self.initial, interval, 2)?;
-        let (mut errors, mut frequency_errors) = (Vec::new(), Vec::new());
-        for trained in models {
-            // A network that leaves the finite numbers there has no error.
-            let Ok(model) = trained.model().at(epsilon, flow_time / own_time) else {
-                errors.push(None);
-                frequency_errors.push(None);
-                continue;
-            };
+        let judged = |model: &Model| -> Result<(f64, Option<f64>), Error> {
             let mut moved = judge.input().to_vec();
             map_points(model.composition(), Direction::Forward, &mut moved)?;
             let dim = 2 * judge.dof();
             let distance = root_mean_square_distance(&moved, judge.output(), dim);
-            errors.push(finite(distance * distance / dim as f64));
             let request = Rollout { steps, every: steps };
             let states = model.rollout(&self.initial.concat(), request)?;
             let ends = &states[self.initial.concat().len()..];
             let phases = phase_errors(&system, ends, reference.trajectories.values());
             let phase = root_mean_square(&phases);
             // Beyond that nobody knows how many turns it is off.
-            frequency_errors.push((phase < KNOWN_PHASE).then_some(phase / interval));
+            let frequency = (phase < KNOWN_PHASE).then_some(phase / interval);
+            Ok((distance * distance / dim as f64, frequency))
+        };
+        let (mut errors, mut worst_errors, mut frequency_errors) = (vec![], vec![], vec![]);
+        for of in models {
+            // A network that leaves the finite numbers there has no error.
+            let at = |seed: &Rc<Trained>| seed.model().at(epsilon, flow_time / own_time).ok();
+            let found =
+                of.seeds.iter().map(|seed| at(seed).map(|model| judged(&model)).transpose());
+            let found = found.collect::<Result<Vec<_>, Error>>()?;
+            let steps = MedianAndWorst::of(found.iter().map(|seed| Some(seed.as_ref()?.0)));
+            errors.push(steps.median);
+            worst_errors.push(steps.worst);
+            let frequencies = found.iter().map(|seed| seed.as_ref()?.1);
+            frequency_errors.push(MedianAndWorst::of(frequencies).median);
         }
-        Ok(Case { epsilon, flow_time, seen, rotation_error, errors, frequency_errors })
+        Ok(Case {
+            epsilon,
+            flow_time,
+            seen,
+            rotation_error,
+            errors,
+            worst_errors,
+            frequency_errors,
+        })
     }
 
     fn invariants(
         &self,
         context: &mut Context<'_>,
-        models: &[Rc<Trained>],
+        models: &[BySeed],
         epsilon: f64,
     ) -> Result<Invariants, RunError> {
         let system = context.system()?.clone().with_epsilon(epsilon);
@@ -248,8 +275,15 @@ impl FamilyOptions {
                 })
             });
             let averaged = change(along, |z| averaged_invariant(&system, z));
-            let learnt = models.iter().map(|one| learnt_change(one.model(), epsilon, along));
-            Ok(Invariants { epsilon, leading, customary, averaged, learnt: learnt.collect() })
+            let of = |of: &BySeed| {
+                let changes =
+                    of.seeds.iter().map(|seed| learnt_change(seed.model(), epsilon, along));
+                MedianAndWorst::of(changes)
+            };
+            let changes: Vec<MedianAndWorst> = models.iter().map(of).collect();
+            let learnt = changes.iter().map(|of| of.median).collect();
+            let worst_learnt = changes.iter().map(|of| of.worst).collect();
+            Ok(Invariants { epsilon, leading, customary, averaged, learnt, worst_learnt })
         })
     }
 }
@@ -281,6 +315,8 @@ fn phase_errors(system: &System, ends: &[f64], reference: &[f64]) -> Vec<f64> {
 
 struct Results {
     names: Vec<String>,
+    /// The most initial weights of a network.
+    most: usize,
     customary: Option<&'static str>,
     cases: Vec<Case>,
     invariants: Vec<Invariants>,
@@ -296,6 +332,9 @@ impl Results {
         ];
         for name in &self.names {
             columns.push((format!("`{name}`: MSE"), Format::Exponent(2)));
+            if self.most > 1 {
+                columns.push(("worst".to_owned(), Format::Exponent(2)));
+            }
             columns.push((format!("`{name}`: error of the frequency"), Format::Exponent(1)));
         }
         let mut table = Table::new(columns);
@@ -306,8 +345,11 @@ impl Results {
                 if case.seen { "yes" } else { "no" }.into(),
                 case.rotation_error.into(),
             ];
-            for (error, frequency) in case.errors.iter().zip(&case.frequency_errors) {
-                row.extend([(*error).into(), (*frequency).into()]);
+            let of_each = case.errors.iter().zip(&case.worst_errors).zip(&case.frequency_errors);
+            for ((error, worst), frequency) in of_each {
+                row.push((*error).into());
+                row.extend((self.most > 1).then(|| (*worst).into()));
+                row.push((*frequency).into());
             }
             table.push(row);
         }
@@ -323,6 +365,9 @@ impl Results {
         columns.push(("of μ₀ + εμ₁".to_owned(), Format::Exponent(2)));
         for name in &self.names {
             columns.push((format!("of the invariant of `{name}`"), Format::Exponent(2)));
+            if self.most > 1 {
+                columns.push(("worst".to_owned(), Format::Exponent(2)));
+            }
             let other = self.customary.unwrap_or("μ₀");
             columns.push((format!("less than {other} by"), Format::Factor));
         }
@@ -331,9 +376,11 @@ impl Results {
             let mut row = vec![at.epsilon.into(), at.leading.into()];
             row.extend(at.customary.map(Into::into));
             row.push(at.averaged.into());
-            for learnt in &at.learnt {
+            for (learnt, worst) in at.learnt.iter().zip(&at.worst_learnt) {
                 let gain = learnt.map(|learnt| at.customary.unwrap_or(at.leading) / learnt);
-                row.extend([(*learnt).into(), gain.into()]);
+                row.push((*learnt).into());
+                row.extend((self.most > 1).then(|| (*worst).into()));
+                row.push(gain.into());
             }
             table.push(row);
         }

@@ -1,5 +1,6 @@
 //! Pairs with noise and pairs with a gap: what each network makes of them, and what is said of it.
 
+use super::seed_errors::MedianAndWorst;
 use super::shared::{Study, check_along, finite};
 use crate::error::Error;
 use crate::flow::{Pairs, Trajectories};
@@ -15,6 +16,7 @@ use crate::scene::data_sets::DataSets;
 use crate::scene::declared::Declared;
 use crate::scene::figure::{Axis, Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
+use crate::scene::learning::BySeed;
 use crate::scene::setup::{MOST, ModelSpec, Need, SeededTraining, Setup, StudyTraining};
 use crate::scene::trained::Trained;
 use crate::system::{Hamiltonian, NearlyPeriodic};
@@ -155,17 +157,24 @@ impl Study for NoiseOptions {
             let data = self.changed(context, fault)?;
             let action = TorusAction::from(system.circle_action());
             let angles = [fit_rotation(&data.training, &system.circle_action())];
-            let models = match fault {
-                Fault::None => context.models()?,
+            let networks = match fault {
+                Fault::None => context.by_network()?,
                 _ => {
-                    let mut models = Vec::new();
+                    let mut networks: Vec<BySeed> = Vec::new();
                     for training in attempts(context.scene.setup, fault) {
-                        models.push(self.train(context, &training)?);
+                        let trained = self.train(context, &training)?;
+                        match networks.last_mut().filter(|of| of.network == trained.network) {
+                            Some(of) => of.seeds.push(trained),
+                            None => {
+                                let network = trained.network.clone();
+                                networks.push(BySeed { network, seeds: vec![trained] });
+                            }
+                        }
                     }
-                    models
+                    networks
                 }
             };
-            for trained in models {
+            let one = |trained: &Rc<Trained>| {
                 let model = trained.model();
                 let judge = clean.to_judge_by();
                 let mut moved = judge.input().to_vec();
@@ -184,23 +193,26 @@ impl Study for NoiseOptions {
                     data.held_out.as_ref(),
                     (&action, &angles),
                 )?;
+                let distance = root_mean_square_distance(&moved, judge.output(), dim);
+                Ok(OfSeed {
+                    held_out: trained.held_out_error.map(f64::sqrt),
+                    clean: finite(distance / (dim as f64).sqrt()),
+                    rollout: finite(root_mean_square_distance(states.values(), of_reference, dim)),
+                    own: own.and_then(finite),
+                    verdict: judgement.verdict,
+                    reasons: judgement.reasons().map(str::to_owned).collect(),
+                })
+            };
+            for BySeed { network, seeds } in networks {
                 found.push(Found {
                     fault: fault.words(),
                     level: match fault {
                         Fault::Noise(level) => Some(level),
                         Fault::None | Fault::Gap(_) => None,
                     },
-                    network: trained.network.clone(),
+                    network,
                     pairs: data.training.len(),
-                    held_out: trained.held_out_error.map(f64::sqrt),
-                    clean: finite(
-                        root_mean_square_distance(&moved, judge.output(), dim)
-                            / (dim as f64).sqrt(),
-                    ),
-                    rollout: finite(root_mean_square_distance(states.values(), of_reference, dim)),
-                    own: own.and_then(finite),
-                    verdict: judgement.verdict,
-                    reasons: judgement.reasons().map(str::to_owned).collect(),
+                    seeds: seeds.iter().map(one).collect::<Result<_, Error>>()?,
                 });
             }
         }
@@ -211,7 +223,10 @@ impl Study for NoiseOptions {
         Ok(Findings {
             title: "Noise and gaps".into(),
             results: Section {
-                summary: vec![Block::Text(self.words()), Block::Table(table(&found))],
+                summary: vec![
+                    Block::Text(self.words(of_several(&found))),
+                    Block::Table(table(&found)),
+                ],
                 details: vec![Block::Text(reasons(&found))],
                 data: json!(found),
             },
@@ -229,6 +244,38 @@ struct Found {
     network: String,
     /// The pairs it was trained on.
     pairs: usize,
+    /// From each of its initial weights.
+    seeds: Vec<OfSeed>,
+}
+
+impl Found {
+    fn over_seeds(&self, of: impl Fn(&OfSeed) -> Option<f64>) -> MedianAndWorst {
+        MedianAndWorst::of(self.seeds.iter().map(of))
+    }
+
+    /// Each verdict, the commonest first where there are several: `yes (4), with care (1)`.
+    fn verdicts(&self) -> String {
+        let mut counts: Vec<(&str, usize)> = Vec::new();
+        for OfSeed { verdict, .. } in &self.seeds {
+            match counts.iter_mut().find(|(known, _)| known == verdict) {
+                Some((_, count)) => *count += 1,
+                None => counts.push((verdict, 1)),
+            }
+        }
+        counts.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
+        match counts[..] {
+            [(verdict, _)] => verdict.to_owned(),
+            _ => {
+                let words = counts.iter().map(|(verdict, count)| format!("{verdict} ({count})"));
+                words.collect::<Vec<_>>().join(", ")
+            }
+        }
+    }
+}
+
+/// What it made of them from one set of initial weights.
+#[derive(Serialize)]
+struct OfSeed {
     /// Root mean squares of a component: on held-out pairs as they are, and on those of the flow.
     held_out: Option<f64>,
     clean: Option<f64>,
@@ -243,16 +290,14 @@ struct Found {
 /// The trainings on pairs with a fault.
 fn attempts(setup: &Setup, fault: Fault) -> Vec<StudyTraining> {
     let models = setup.models.iter().filter(|model| !model.training_only);
-    let of = |model: &ModelSpec| {
-        let mut spec = model.clone();
-        spec.seeds = None;
-        spec.name = format!("{}-{}", model.name, fault.suffix());
-        let training = SeededTraining { spec, network: model.name.clone(), number: 0 };
+    let of = |mut training: SeededTraining| {
+        training.spec.seeds = None;
+        training.spec.name = format!("{}-{}", training.spec.name, fault.suffix());
         // A scene without a flow time is not complete, and is not run.
         let flow_time = setup.flow_time.unwrap_or(f64::NAN);
         StudyTraining { training, flow_time, from: None, fault: fault.name() }
     };
-    models.map(of).collect()
+    models.flat_map(ModelSpec::attempts).map(of).collect()
 }
 
 /// The pairs with a fault.
@@ -294,51 +339,69 @@ impl NoiseOptions {
         [Fault::None].into_iter().chain(noise).chain(self.gap.map(Fault::Gap))
     }
 
-    fn words(&self) -> String {
-        format!(
+    fn words(&self, of_several: bool) -> String {
+        let mut words = format!(
             "Normal noise is added to each component of inputs and outputs, training and held out. The table has the error on \
              held-out pairs with that noise, and on the same pairs without it, which a user does not have. Noise of σ leaves an \
              error of some σ√2 on the former, however good the map is. Roll-outs are of {} steps from {} points.",
             self.steps,
             self.initial.len()
-        )
+        );
+        if of_several {
+            words.push_str(" Numbers are medians over the initial weights of a network.");
+        }
+        words
     }
 }
 
+/// Whether a network was trained from several initial weights.
+fn of_several(found: &[Found]) -> bool {
+    found.iter().any(|of| of.seeds.len() > 1)
+}
+
 fn table(found: &[Found]) -> Table {
-    let mut table = Table::new([
-        ("pairs have", Format::Exact),
-        ("network", Format::Exact),
-        ("held-out error, rms of a component", Format::Exponent(1)),
-        ("without the noise", Format::Exponent(1)),
-        ("roll-out, rms distance", Format::Exponent(1)),
-        ("own invariant changes by", Format::Percent),
-        ("verdict", Format::Exact),
-    ]);
+    let of_several = of_several(found);
+    let numbers: [(&str, Format, fn(&OfSeed) -> Option<f64>); 4] = [
+        ("held-out error, rms of a component", Format::Exponent(1), |of| of.held_out),
+        ("without the noise", Format::Exponent(1), |of| of.clean),
+        ("roll-out, rms distance", Format::Exponent(1), |of| of.rollout),
+        ("own invariant changes by", Format::Percent, |of| of.own),
+    ];
+    let mut columns = vec![("pairs have", Format::Exact), ("network", Format::Exact)];
+    for (name, format, _) in numbers {
+        columns.push((name, format));
+        columns.extend(of_several.then_some(("worst", format)));
+    }
+    columns.push(("verdict", Format::Exact));
+    let mut table = Table::new(columns);
     for of in found {
-        table.push([
-            of.fault.clone().into(),
-            format!("`{}`", of.network).into(),
-            of.held_out.into(),
-            of.clean.into(),
-            of.rollout.into(),
-            of.own.into(),
-            of.verdict.into(),
-        ]);
+        let mut row = vec![of.fault.clone().into(), format!("`{}`", of.network).into()];
+        for (_, _, pick) in numbers {
+            let MedianAndWorst { median, worst } = of.over_seeds(pick);
+            row.push(median.into());
+            row.extend(of_several.then(|| worst.into()));
+        }
+        row.push(of.verdicts().into());
+        table.push(row);
     }
     table
 }
 
 fn reasons(found: &[Found]) -> String {
     let of = |of: &Found| {
-        let reasons = if of.reasons.is_empty() {
+        let first = of.seeds.first()?;
+        let reasons = if first.reasons.is_empty() {
             "no reason against it".into()
         } else {
-            of.reasons.join("; ")
+            first.reasons.join("; ")
         };
-        format!("- {}, `{}`: {}: {reasons}.", of.fault, of.network, of.verdict)
+        Some(format!("- {}, `{}`: {}: {reasons}.", of.fault, of.network, first.verdict))
     };
-    found.iter().map(of).collect::<Vec<_>>().join("\n")
+    let lines = found.iter().filter_map(of).collect::<Vec<_>>().join("\n");
+    match of_several(found) {
+        true => format!("Reasons, for the first of the initial weights:\n\n{lines}"),
+        false => lines,
+    }
 }
 
 fn figure(found: &[Found]) -> Figure {
@@ -348,10 +411,10 @@ fn figure(found: &[Found]) -> Figure {
             names.push(&of.network);
         }
     }
-    let panel = |title: &str, pick: fn(&Found) -> Option<f64>| {
+    let panel = |title: &str, pick: fn(&OfSeed) -> Option<f64>| {
         let series = names.iter().enumerate().map(|(color, name)| {
             let of = found.iter().filter(|of| of.network == *name);
-            let points = of.filter_map(|of| Some((of.level?, pick(of)?)));
+            let points = of.filter_map(|of| Some((of.level?, of.over_seeds(pick).median?)));
             Series {
                 name: (*name).to_owned(),
                 color,
@@ -372,7 +435,7 @@ fn figure(found: &[Found]) -> Figure {
     Figure::in_a_row(
         FIGURE,
         "Against the noise of the pairs: the error of a step against the flow itself, and the distance \
-         over the roll-out.",
+         over the roll-out; medians, where there are several initial weights.",
         vec![panel("one step", |of| of.clean), panel("roll-out", |of| of.rollout)],
     )
 }

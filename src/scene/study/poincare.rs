@@ -565,12 +565,11 @@ impl PoincareOptions {
                 of_reference = judge.chain(&coils, resonance, &near)?;
             }
         }
-        let island = found.zip(of_reference.centre.as_ref()).and_then(|((resonance, _), orbit)| {
-            let maps = Judge::maps_of_island(resonance, orbit)?;
-            Some((resonance, outermost(orbit, judge.axis), maps))
+        let island = of_reference.centre.as_ref().and_then(|orbit| {
+            Some((from_outermost(orbit, judge.axis), Judge::maps_of_island(orbit)?))
         });
         let width = |map: &SectionMap<'_>| match &island {
-            Some((resonance, centre, maps)) => judge.width(map, *resonance, centre, *maps),
+            Some((points, maps)) => judge.width(map, points, *maps),
             None => Ok(None),
         };
         of_reference.width = width(reference)?;
@@ -695,11 +694,16 @@ impl TimedLines {
     }
 }
 
-/// The point of an orbit that is furthest from the axis outwards along R.
-fn outermost(orbit: &OrbitFound, axis: [f64; 2]) -> Vec<f64> {
-    let off = |point: &&Vec<f64>| (libm::atan2(point[1] - axis[1], point[0] - axis[0])).abs();
-    let nearest = orbit.points.iter().min_by(|a, b| off(a).total_cmp(&off(b)));
-    nearest.expect("an orbit has points").clone()
+/// The points of an orbit from that which is nearest to the direction outwards along R.
+fn from_outermost(orbit: &OrbitFound, axis: [f64; 2]) -> Vec<Vec<f64>> {
+    let off = |k: &usize| {
+        let point = &orbit.points[*k];
+        libm::atan2(point[1] - axis[1], point[0] - axis[0]).abs()
+    };
+    let nearest = (0..orbit.points.len()).min_by(|a, b| off(a).total_cmp(&off(b)));
+    let mut points = orbit.points.clone();
+    points.rotate_left(nearest.unwrap_or(0));
+    points
 }
 
 /// The radii and rotation of the reference and the others: the profile, and by how much it differs.
@@ -937,7 +941,7 @@ impl Results<'_> {
         };
         let lost = match self.lines.lost.len() {
             0 => String::new(),
-            some => format!(" {some} lines are lost and left out."),
+            some => format!(" {some} lines are lost or run into a coil, and are left out."),
         };
         format!(
             "The section φ = {:.6}, a map over {} of {} field periods, lines to {} m from the axis.{lost} A map of the \

@@ -1,12 +1,12 @@
 //! The trajectories of each network beside the reference.
 
+use super::seed_errors::{rollouts_of_seeds, words_of_rollouts};
 use super::shared::Study;
 use crate::error::Error;
 use crate::flow::{ReferenceTrajectories, Trajectories};
 use crate::measure::{
     adiabatic::level_set,
     ratios::near_identity_rms,
-    timing::Spread,
     trajectories::{Departure, Drift, departures, distance, drift_exponent, drifts},
 };
 use crate::network::{Rollout, Structure};
@@ -17,7 +17,6 @@ use crate::scene::context::{Context, RunError};
 use crate::scene::declared::Declared;
 use crate::scene::figure::{Axis, Figure, Panel, SameAxes, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
-use crate::scene::learning::BySeed;
 use crate::scene::setup::{Need, Setup, check_points};
 use crate::scene::target_flow::TargetFlow;
 use crate::scene::trained::Trained;
@@ -234,14 +233,14 @@ impl Study for RolloutOptions {
         if context.draws(ERROR) && !networks.is_empty() {
             figures.push(orbits.errors(&networks));
         }
-        let seeds = self.of_seeds(context, &initial, reference)?;
+        let seeds = rollouts_of_seeds(context, &initial, self.request(), reference)?;
         let mut summary = Vec::new();
         if !networks.is_empty() {
             summary.push(Block::Table(orbits.overview(&networks)));
             summary.push(Block::Text(orbits.sentences(&networks)));
         }
         if !seeds.is_empty() {
-            summary.push(Block::Text(words_of_seeds(&seeds)));
+            summary.push(Block::Text(words_of_rollouts(&seeds)));
         }
         let mut data = json!({
             "reference_error": found.error,
@@ -263,54 +262,6 @@ impl Study for RolloutOptions {
             ..Findings::default()
         })
     }
-}
-
-impl RolloutOptions {
-    /// Of each network with several initial weights, the root mean square distance from the reference of the map
-    /// from each of them.
-    fn of_seeds(
-        &self,
-        context: &mut Context<'_>,
-        initial: &[Vec<f64>],
-        reference: &Trajectories,
-    ) -> Result<Vec<(String, Vec<f64>)>, RunError> {
-        let mut out = Vec::new();
-        for BySeed { network, seeds } in context.by_network()? {
-            if seeds.len() < 2 {
-                continue;
-            }
-            let stage = format!("roll-outs of all weights of {network}");
-            let errors = context.stage(&stage, |_| {
-                let of = |trained: &Rc<Trained>| {
-                    let states = trained.model().rollout(&initial.concat(), self.request())?;
-                    let squares =
-                        states.iter().zip(reference.values()).map(|(a, b)| (a - b) * (a - b));
-                    let count = (states.len() / reference.dim()) as f64;
-                    Ok((squares.sum::<f64>() / count).sqrt())
-                };
-                seeds.iter().map(of).collect::<Result<Vec<f64>, Error>>()
-            })?;
-            out.push((network, errors));
-        }
-        Ok(out)
-    }
-}
-
-fn words_of_seeds(seeds: &[(String, Vec<f64>)]) -> String {
-    let of = |(network, errors): &(String, Vec<f64>)| {
-        // What is lost is the worst.
-        let or_lost = |error: &f64| if error.is_nan() { f64::INFINITY } else { *error };
-        let ranked = errors.iter().map(or_lost).collect();
-        let median = Spread::of(ranked).map_or(f64::NAN, |spread| spread.median);
-        let worst = errors.iter().copied().fold(0.0, max_or_nan);
-        let all: Vec<String> = errors.iter().map(|error| format!("{error:.1e}")).collect();
-        format!(
-            "- `{network}` from {} initial weights, rms distance: {}; median {median:.1e}, worst {worst:.1e}.",
-            errors.len(),
-            all.join(", ")
-        )
-    };
-    seeds.iter().map(of).collect::<Vec<_>>().join("\n")
 }
 
 /// The change of an adiabatic invariant along orbits.

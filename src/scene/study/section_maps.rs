@@ -4,16 +4,17 @@ use crate::error::Error;
 use crate::flow::{LineMap, PolynomialMap, PolynomialOnSection, TabulatedLines, Trajectories};
 use crate::io::StoredModel;
 use crate::measure::{
-    orbits::{InvariantCircle, PeriodicOrbit, RotationNumber, periodic_orbits, rotation_numbers},
+    orbits::{
+        InvariantCircle, IslandSearch, PeriodicOrbit, RotationNumber, periodic_orbits,
+        rotation_numbers,
+    },
     timing::root_mean_square_distance,
-    trajectories::{LockedInterval, locked_interval, winding_numbers},
 };
 use crate::network::Rollout;
 use crate::phase::AreaDensity;
 use crate::scalar::max_or_nan;
 use rayon::prelude::*;
 use serde::Serialize;
-use std::f64::consts::TAU;
 
 /// A map of points (R, Z) in metres.
 pub(super) enum SectionMap<'a> {
@@ -483,41 +484,28 @@ impl Judge<'_> {
         Ok([vec![start.to_vec()], between.take(1).collect(), points[..1].to_vec()].concat())
     }
 
-    /// How many maps distinguish an island from a line that only turns about as fast: several turns around the centre
-    /// of the island. None if that is too many.
-    pub(super) fn maps_of_island(resonance: Resonance, centre: &OrbitFound) -> Option<usize> {
-        const ROUND: f64 = 3.0;
-        const MOST: f64 = 10_000.0;
-        // Tr M = 2 cos ω for a time of `maps`.
-        let omega = 2.0 * libm::asin(libm::sqrt(centre.residue.clamp(0.0, 1.0)));
-        let maps = ROUND * resonance.maps as f64 * TAU / omega;
-        (maps <= MOST).then_some(maps.ceil() as usize)
+    /// How many maps distinguish an island from a line that only turns about as fast. None if that is too many.
+    pub(super) fn maps_of_island(centre: &OrbitFound) -> Option<usize> {
+        const MOST: usize = 10_000;
+        let maps = IslandSearch::maps_for(centre.points.len(), centre.residue.clamp(0.0, 1.0));
+        maps.filter(|maps| *maps <= MOST)
     }
 
-    /// The part of the ray from the axis through the centre of an island on which lines stay in it for so many
-    /// maps.
+    /// The part of the ray from the axis through the first point of an orbit on which lines stay in its island for so
+    /// many maps.
     pub(super) fn width(
         &self,
         map: &SectionMap<'_>,
-        resonance: Resonance,
-        centre: &[f64],
+        orbit: &[Vec<f64>],
         maps: usize,
     ) -> Result<Option<f64>, Error> {
         /// An island is looked for so far on either side, as a share of the distance from the axis.
         const REACH: f64 = 0.15;
-        let [across, along] = [centre[0] - self.axis[0], centre[1] - self.axis[1]];
-        let radius = libm::hypot(across, along);
-        let (value, steps) = (resonance.value() * self.near.signum(), maps);
-        let locked = |radii: &[f64]| -> Result<Vec<bool>, Error> {
-            let place =
-                |r: &f64| [self.axis[0] + r * across / radius, self.axis[1] + r * along / radius];
-            let initial: Vec<f64> = radii.iter().flat_map(place).collect();
-            let states = map.rollout(&initial, Rollout { steps, every: 1 })?;
-            let orbits = Trajectories::new(states, 2, radii.len())?;
-            let found = winding_numbers(&orbits, value, self.angle());
-            let within = 1.0 / resonance.maps as f64;
-            Ok(found.iter().map(|w| (w - value).abs() * (steps as f64) < within).collect())
+        let search = IslandSearch { around: self.axis, reach: REACH, maps };
+        let follow = |points: &[f64], steps: usize| {
+            let states = map.rollout(points, Rollout { steps, every: 1 })?;
+            Ok(states[points.len()..].to_vec())
         };
-        Ok(locked_interval(radius, REACH * radius, locked)?.map(LockedInterval::width))
+        Ok(search.about(orbit, &follow)?.map(|island| island.interval.width()))
     }
 }

@@ -1,13 +1,14 @@
 //! Surfaces of field lines over many turns: networks and integrators beside the reference.
 
 use super::rollout::orbit_color;
+use super::seed_errors::MedianAndWorst;
 use super::shared::{Study, finite};
 use super::step_tables::{MadeTable, TableCost, TableSizes, citations_of, make, named};
-use super::work_precision::{Compared, HOW, MOST_ROUNDS, citations};
+use super::work_precision::{Compared, HOW, MOST_ROUNDS, citations, work_precision_panel};
 use crate::error::Error;
 use crate::flow::{Integrator, Reference, Tableau, Trajectories};
 use crate::measure::{
-    timing::{AtError, Comparison, Spread, root_mean_square_distance},
+    timing::{AtError, Comparison, WorkPrecision, break_even, root_mean_square_distance},
     trajectories::{LockedInterval, distances_to_set, locked_interval, winding_numbers},
 };
 use crate::network::{Model, Rollout};
@@ -20,7 +21,7 @@ use crate::scene::findings::{Block, Cell, Findings, Format, Section, Table};
 use crate::scene::learning::BySeed;
 use crate::scene::setup::{MOST, Need};
 use crate::scene::trained::Trained;
-use crate::system::{FieldLines, Hamiltonian, System};
+use crate::system::{FieldLines, Hamiltonian, NearlyPeriodic, System};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -28,6 +29,9 @@ use std::f64::consts::{PI, TAU};
 use std::rc::Rc;
 
 const SECTION: &str = "section";
+const METHODS: &str = "surfaces-methods";
+/// µs a turn from seconds for unit time.
+const MICRO_A_TURN: f64 = TAU * 1e6;
 
 /// Fewer maps lock nearly every line, …
 const LEAST_ISLAND: usize = 50;
@@ -106,7 +110,7 @@ impl Study for SurfacesOptions {
     }
 
     fn figures(&self, _: &Declared<'_>) -> Vec<&'static str> {
-        vec![SECTION]
+        vec![SECTION, METHODS]
     }
 
     fn cites(&self, _: &Declared<'_>) -> Vec<&'static str> {
@@ -206,6 +210,22 @@ impl Study for SurfacesOptions {
         if context.draws(SECTION) {
             figures.push(self.figure(system, &judge, &models, &rolled));
         }
+        let surfaces = by_surface(&comparison, &found);
+        if context.draws(METHODS) {
+            figures.push(self.methods_figure(&comparison.methods, &surfaces));
+        }
+        let worth = |trained: &Rc<Trained>| {
+            let name = &trained.spec.name;
+            let paid = paid(context, name, any.epsilon(), interval);
+            let of = |methods, lost| Gain::new(methods, name, lost, paid, interval);
+            Worth {
+                network: name.clone(),
+                paid,
+                one_by_one: of(&comparison.methods, comparison.lost()),
+                from_surfaces: of(&surfaces, f64::MAX),
+            }
+        };
+        let worth: Vec<Worth> = models.iter().map(worth).collect();
         let results = Results { options: self, island, found, seeds, reference: &judge };
         let words = results.words(reference.error);
         let data = json!({
@@ -225,10 +245,14 @@ impl Study for SurfacesOptions {
         let mut times = vec![Block::Text(results.words_of_times())];
         times.extend(TableCost::words(&costs));
         times.push(Block::Table(results.times(&comparison)));
+        let lines: Vec<String> = worth.iter().map(|one| one.words(self)).collect();
+        times.push(Block::Text(lines.join("\n")));
+        let mut timed = json!(comparison);
+        timed["worth"] = json!(worth);
         Ok(Findings {
             title: "Surfaces".into(),
             results: Section { summary, data, ..Section::default() },
-            timings: Section { summary: times, data: json!(comparison), ..Section::default() },
+            timings: Section { summary: times, data: timed, ..Section::default() },
             figures,
             ..Findings::default()
         })
@@ -275,6 +299,25 @@ fn repeated(
     let flow = Reference::calibrated(system, points, interval)?;
     let moved = flow.trajectories(system, points, interval, steps)?;
     Trajectories::new([points, &moved].concat(), 2, points.len() / 2)
+}
+
+/// Seconds of pairs and of training that came before the first step of a network.
+fn paid(context: &Context<'_>, name: &str, epsilon: f64, interval: f64) -> f64 {
+    let own = context.training_times().iter().find(|times| times.model == name);
+    let training = own.and_then(|times| times.points.last()).map_or(0.0, |(_, seconds)| *seconds);
+    context.seconds_of_pairs(epsilon, interval) + training
+}
+
+/// Run times with the largest distance from the surfaces in place of the error one by one.
+fn by_surface(comparison: &Comparison, found: &[Found]) -> Vec<WorkPrecision> {
+    let of = |method: &WorkPrecision| {
+        let same = |one: &&Found| {
+            one.name == method.name && one.steps.map(|steps| steps as f64) == method.setting
+        };
+        let error = found.iter().find(same).and_then(|one| finite(one.largest()));
+        WorkPrecision { error, ..method.clone() }
+    };
+    comparison.methods.iter().map(of).collect()
 }
 
 /// What a method came to.
@@ -484,6 +527,32 @@ impl SurfacesOptions {
         compared.compare(self.rounds)
     }
 
+    /// Error against run time, a curve for each method: one by one, and from the surfaces.
+    fn methods_figure(&self, early: &[WorkPrecision], surfaces: &[WorkPrecision]) -> Figure {
+        let panel = |title: String, y_label: &str, methods: &[WorkPrecision]| Panel {
+            title,
+            y_label: y_label.into(),
+            ..work_precision_panel("µs a turn", methods, MICRO_A_TURN)
+        };
+        Figure::in_a_row(
+            METHODS,
+            "Error against run time on this machine, one thread, lines together: a point for each number of steps or \
+             nodes, and one for each network; lines from quartile to quartile. Lower and further left is better.",
+            vec![
+                panel(
+                    format!("one by one over {} maps", self.early),
+                    "rms distance from the reference",
+                    early,
+                ),
+                panel(
+                    format!("after {} maps", self.steps),
+                    "largest distance from the surface",
+                    surfaces,
+                ),
+            ],
+        )
+    }
+
     /// r over θ of the last points of each line.
     fn figure(
         &self,
@@ -612,22 +681,12 @@ impl Results<'_> {
             let early = found.iter().map(|one| Some(one.early));
             let furthest = found.iter().map(|one| Some(one.largest()));
             let islands = found.iter().map(|one| self.island_differs(one));
-            let all: [Vec<Option<f64>>; 3] =
-                [early.collect(), furthest.collect(), islands.collect()];
-            for values in all {
-                // What is lost is the worst.
-                let or_lost = |value: f64| if value.is_nan() { f64::INFINITY } else { value };
-                let ranked: Option<Vec<f64>> =
-                    values.into_iter().map(|value| value.map(or_lost)).collect();
-                let (median, worst) = match &ranked {
-                    None => (None, None),
-                    Some(ranked) => (
-                        Spread::of(ranked.clone()).map(|spread| spread.median),
-                        ranked.iter().copied().reduce(max_or_nan),
-                    ),
-                };
-                row.extend([median.and_then(finite).into(), worst.and_then(finite).into()]);
-            }
+            let all = [
+                MedianAndWorst::of(early),
+                MedianAndWorst::of(furthest),
+                MedianAndWorst::of(islands),
+            ];
+            row.extend(all.iter().flat_map(|of| [of.median.into(), of.worst.into()]));
             table.push(row);
         }
         (!self.seeds.is_empty()).then_some(table)
@@ -641,7 +700,6 @@ impl Results<'_> {
     }
 
     fn times(&self, comparison: &Comparison) -> Table {
-        const MICRO: f64 = 1e6;
         let mut table = Table::new([
             ("method", Format::Exact),
             ("steps in a map, or nodes", Format::Exact),
@@ -661,8 +719,8 @@ impl Results<'_> {
             table.push([
                 method.name.clone().into(),
                 method.setting.into(),
-                method.seconds.map(|spread| spread.scaled(TAU * MICRO)).into(),
-                method.alone.map(|spread| spread.scaled(TAU * MICRO)).into(),
+                method.seconds.map(|spread| spread.scaled(MICRO_A_TURN)).into(),
+                method.alone.map(|spread| spread.scaled(MICRO_A_TURN)).into(),
                 method.error.into(),
                 best.map(|best| named(best.method)).into(),
                 ratio.into(),
@@ -670,5 +728,79 @@ impl Results<'_> {
             ]);
         }
         table
+    }
+}
+
+/// A network beside the fastest rival that errs no more.
+#[derive(Serialize)]
+struct Gain {
+    /// None where it has lost the lines.
+    error: Option<f64>,
+    /// None where no rival that was tried errs as little.
+    rival: Option<String>,
+    /// How many times as long the rival takes.
+    factor: Option<f64>,
+    /// After how many maps pairs and training are paid; none where the rival takes no longer.
+    maps_that_pay: Option<f64>,
+}
+
+impl Gain {
+    fn new(methods: &[WorkPrecision], network: &str, lost: f64, paid: f64, interval: f64) -> Self {
+        let own = |method: &&WorkPrecision| method.setting.is_none() && method.name == network;
+        let own = methods.iter().find(own);
+        let known = own.and_then(|own| Some((own.error?, own.seconds?.median)));
+        let known = known.filter(|(error, _)| *error <= lost);
+        let against =
+            known.and_then(|(error, seconds)| Some((AtError::fastest(methods, error)?, seconds)));
+        Self {
+            error: known.map(|(error, _)| error),
+            rival: against.map(|(best, _)| named(best.method)),
+            factor: against.map(|(best, seconds)| best.seconds / seconds),
+            maps_that_pay: against.and_then(|(best, seconds)| {
+                break_even(paid, seconds * interval, best.seconds * interval)
+            }),
+        }
+    }
+
+    fn words(&self) -> String {
+        let Some(error) = self.error else { return "it has lost the lines".into() };
+        let error = Format::Exponent(1).number(error);
+        let Some((rival, factor)) = self.rival.as_ref().zip(self.factor) else {
+            return format!("{error}, and no rival that was tried errs as little");
+        };
+        let factor = Format::Factor.number(factor);
+        let after = match self.maps_that_pay {
+            Some(maps) => {
+                let maps = Format::Exponent(1).number(maps);
+                format!("pairs and training pay after {maps} maps")
+            }
+            None => "pairs and training pay at no length".into(),
+        };
+        format!("{error}, where the fastest rival ({rival}) takes {factor} as long; {after}")
+    }
+}
+
+/// What a network is worth beside its rivals.
+#[derive(Serialize)]
+struct Worth {
+    network: String,
+    /// Seconds of pairs and training.
+    paid: f64,
+    one_by_one: Gain,
+    from_surfaces: Gain,
+}
+
+impl Worth {
+    fn words(&self, options: &SurfacesOptions) -> String {
+        format!(
+            "- `{}`, {} s of pairs and training. One by one over {} maps: {}. From the surfaces after {} maps, at most: \
+             {}.",
+            self.network,
+            Format::Fixed(0).number(self.paid),
+            options.early,
+            self.one_by_one.words(),
+            options.steps,
+            self.from_surfaces.words()
+        )
     }
 }

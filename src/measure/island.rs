@@ -1,0 +1,105 @@
+//! Islands of maps of a plane: how wide they are, and where.
+
+use super::periodic::PeriodicOrbit;
+use super::surfaces::{LockedInterval, locked_interval, winding_numbers};
+use super::survival::Follow;
+use crate::error::Error;
+use crate::flow::Trajectories;
+use std::f64::consts::TAU;
+
+/// An island of a chain around a centre: the part of the ray from the centre through a point of the chain's elliptic orbit
+/// on which orbits stay in the island.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Island {
+    /// The distances from the centre between which orbits are locked to the resonance.
+    pub interval: LockedInterval,
+    /// The phase of the island: the angle of the ray, in radians, from the first coordinate towards the second.
+    pub angle: f64,
+}
+
+/// A search for the width of an island.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct IslandSearch {
+    /// The point that the chain goes around, such as the magnetic axis.
+    pub around: [f64; 2],
+    /// How far on either side of the orbit the ends are looked for, over the distance from that point.
+    pub reach: f64,
+    /// The number of maps after which an orbit of the island is still locked, and others are not.
+    pub maps: usize,
+}
+
+impl IslandSearch {
+    /// The number of maps that distinguish an island from an orbit that only turns about as fast: three turns about
+    /// the elliptic orbit, each of 2π/ω periods with Tr M = 2 cos ω. None for an orbit that is not elliptic.
+    pub fn maps_for(period: usize, residue: f64) -> Option<usize> {
+        const ROUND: f64 = 3.0;
+        let omega = 2.0 * libm::asin(libm::sqrt(residue));
+        let maps = libm::ceil(ROUND * period as f64 * TAU / omega);
+        (0.0 < residue && residue < 1.0 && maps <= u32::MAX.into()).then_some(maps as usize)
+    }
+
+    /// The island around the first of the points of an elliptic orbit, for the map that `follow` applies. None where
+    /// the map does not hold that point in an island, or holds all points within reach.
+    ///
+    /// The angle about the centre of an orbit in an island stays within that island: after N maps it has gained as much
+    /// as that of the elliptic orbit, up to a turn over the number of islands, which is the period.
+    ///
+    /// # Errors
+    /// Those of `follow`; [`Error::OutOfRange`] of a reach outside of 0 to 1; [`Error::Invalid`] of an orbit that
+    /// has the centre as a point, [`Error::WrongCount`] of points that are not of a plane.
+    pub fn about(&self, points: &[Vec<f64>], follow: Follow<'_>) -> Result<Option<Island>, Error> {
+        Error::check_range("reach", self.reach, Error::LEAST_POSITIVE, 1.0)?;
+        Error::check_count_range("maps", self.maps, 1, usize::MAX)?;
+        for point in points {
+            Error::check_count("numbers of a point", 2, point.len())?;
+        }
+        let off = |z: &[f64]| [z[0] - self.around[0], z[1] - self.around[1]];
+        let angle = |z: &[f64]| {
+            let [across, along] = off(z);
+            libm::atan2(along, across)
+        };
+        let radius = points.first().map_or(0.0, |first| {
+            let [across, along] = off(first);
+            libm::hypot(across, along)
+        });
+        if !(radius > 0.0) {
+            let found = format!("{points:?} around {:?}", self.around);
+            return Err(Error::invalid("island", found, "an orbit away from its centre"));
+        }
+        let ray = angle(&points[0]);
+        let (sin, cos) = libm::sincos(ray);
+        // Whole turns of a map do not count: those of both orbits are told modulo one.
+        let next = points.iter().cycle().skip(1);
+        let gained =
+            points.iter().zip(next).map(|(a, b)| libm::remainder(angle(b) - angle(a), TAU));
+        let winding = gained.sum::<f64>() / (TAU * points.len() as f64);
+        let within = 1.0 / points.len() as f64;
+        let locked = |radii: &[f64]| -> Result<Vec<bool>, Error> {
+            let place = |r: &f64| [r.mul_add(cos, self.around[0]), r.mul_add(sin, self.around[1])];
+            let initial: Vec<f64> = radii.iter().flat_map(place).collect();
+            let moved = follow(&initial, self.maps)?;
+            let orbits = Trajectories::new([initial, moved].concat(), 2, radii.len())?;
+            let found = winding_numbers(&orbits, winding, angle);
+            Ok(found.iter().map(|w| (w - winding).abs() * (self.maps as f64) < within).collect())
+        };
+        let found = locked_interval(radius, self.reach * radius, locked)?;
+        Ok(found.map(|interval| Island { interval, angle: ray }))
+    }
+
+    /// The same, of an orbit whose own residue says how many maps are needed.
+    ///
+    /// # Errors
+    /// Those of [`IslandSearch::about`]; [`Error::Invalid`] of an orbit that is not elliptic.
+    pub fn of_orbit(
+        orbit: &PeriodicOrbit,
+        (around, reach): ([f64; 2], f64),
+        follow: Follow<'_>,
+    ) -> Result<Option<Island>, Error> {
+        let residue = orbit.residue();
+        let Some(maps) = Self::maps_for(orbit.period(), residue) else {
+            let expected = "an elliptic orbit, of a residue between 0 and 1";
+            return Err(Error::invalid("orbit: residue", residue, expected));
+        };
+        Self { around, reach, maps }.about(&orbit.points, follow)
+    }
+}

@@ -1,0 +1,179 @@
+//! Chains of periodic orbits: from a line of symmetry, and how wide their islands are.
+
+use gyroceptron::Error;
+use gyroceptron::layer::Reversor;
+use gyroceptron::measure::orbits::{
+    IslandSearch, PeriodicOrbit, SymmetryLine, periodic_orbit, periodic_orbits,
+    symmetric_periodic_orbits,
+};
+use gyroceptron::scalar::{Dual, Elementary};
+use std::f64::consts::TAU;
+
+/// Turns by shares of an angle before and after the kick p ← p + q²; with equal shares it is reversed by p → −p.
+fn kicked<S: Elementary>(turns: f64, before: f64, z: [S; 2]) -> [S; 2] {
+    let turn = |share: f64, [q, p]: [S; 2]| {
+        let (sin, cos) = libm::sincos(TAU * turns * share);
+        let (sin, cos) = (S::from_f64(sin), S::from_f64(cos));
+        [cos * q + sin * p, cos * p - sin * q]
+    };
+    let [q, p] = turn(before, z);
+    turn(1.0 - before, [q, p + q * q])
+}
+
+fn with_jacobian(
+    map: impl Fn([Dual<f64, 2>; 2]) -> [Dual<f64, 2>; 2],
+    z: &[f64],
+) -> (Vec<f64>, Vec<f64>) {
+    let image = map([Dual::variable(z[0], 0), Dual::variable(z[1], 1)]);
+    (image.map(|of| of.re).to_vec(), image.map(|of| of.eps).concat())
+}
+
+fn symmetric(turns: f64, z: &[f64]) -> Result<(Vec<f64>, Vec<f64>), Error> {
+    Ok(with_jacobian(|z| kicked(turns, 0.5, z), z))
+}
+
+fn line(from: f64, to: f64, samples: usize) -> SymmetryLine {
+    SymmetryLine { reversor: Reversor::Momenta, from, to, samples }
+}
+
+/// Whether p → −p takes the points of an orbit to points of it.
+fn is_mirrored(orbit: &PeriodicOrbit) -> bool {
+    orbit.points.iter().all(|point| {
+        let near = |other: &Vec<f64>| {
+            (other[0] - point[0]).abs() < 1e-9 && (other[1] + point[1]).abs() < 1e-9
+        };
+        orbit.points.iter().any(near)
+    })
+}
+
+/// Both orbits of a chain, of an odd and of an even period, are found without a guess, and are those that a scan of
+/// the plane finds.
+#[test]
+fn chains_are_found_on_the_line_of_symmetry() {
+    for (turns, period) in [(0.205, 5), (0.172, 6)] {
+        let map = |z: &[f64]| symmetric(turns, z);
+        let found = symmetric_periodic_orbits(&map, &line(-0.6, 0.6, 400), period).expect("found");
+        let side: Vec<f64> = (0..25).map(|k| -0.6 + 0.05 * f64::from(k)).collect();
+        let grid = side.iter().flat_map(|q| side.iter().map(|p| vec![*q, *p]));
+        let scan = periodic_orbits(&map, &grid.collect::<Vec<_>>(), period, 1e-6).expect("scan");
+        let within = |orbit: &&PeriodicOrbit| orbit.points.iter().all(|z| z[0].hypot(z[1]) < 0.6);
+        let scan: Vec<&PeriodicOrbit> = scan.iter().filter(within).collect();
+        // An odd chain has a point of each of its two orbits on the line; an even one has both of an orbit there.
+        let both = scan.iter().filter(|orbit| orbit.points.iter().any(|z| z[1].abs() < 1e-9));
+        let both: Vec<_> = both.collect();
+        assert_eq!(scan.len(), 2, "{period}");
+        assert_eq!(found.len(), both.len(), "{period}");
+        assert!(found.len() == if period == 5 { 2 } else { 1 }, "{period}: {}", found.len());
+        for orbit in &found {
+            assert!(orbit.missed < 1e-12 && orbit.period() == period && is_mirrored(orbit));
+            assert!(orbit.points[0][1].abs() < 1e-12, "{:?}", orbit.points[0]);
+            let same = |other: &&&&PeriodicOrbit| (other.residue() - orbit.residue()).abs() < 1e-9;
+            assert!(both.iter().any(|other| same(&other)), "{period}: {}", orbit.residue());
+        }
+        if let [first, second] = &found[..] {
+            assert!(first.points[0][0] < second.points[0][0]);
+            assert!(first.residue() * second.residue() < 0.0);
+        }
+    }
+    // What is not reversed by p → −p has no such orbits.
+    let map = |z: &[f64]| Ok(with_jacobian(|z| kicked(0.205, 0.0, z), z));
+    let none = symmetric_periodic_orbits(&map, &line(-0.6, 0.6, 400), 5).expect("looked for");
+    assert!(none.is_empty(), "{none:?}");
+    // Exchanged coordinates have the other reversor.
+    let map = |z: &[f64]| {
+        let (image, j) = symmetric(0.205, &[z[1], z[0]])?;
+        Ok((vec![image[1], image[0]], vec![j[3], j[2], j[1], j[0]]))
+    };
+    let other = SymmetryLine { reversor: Reversor::Positions, ..line(-0.6, 0.6, 400) };
+    assert_eq!(symmetric_periodic_orbits(&map, &other, 5).expect("found").len(), 2);
+}
+
+/// The fixed point in the middle of the line is a sample, and orbits of a shorter period are not of this one.
+#[test]
+fn samples_on_orbits_and_shorter_periods() {
+    let map = |z: &[f64]| symmetric(0.205, z);
+    for samples in [3, 4] {
+        let found = symmetric_periodic_orbits(&map, &line(-0.2, 0.2, samples), 1).expect("found");
+        assert_eq!(found.len(), 1, "{samples}");
+        assert!(found[0].points[0].iter().all(|v| v.abs() < 1e-12), "{found:?}");
+    }
+    let ends = symmetric_periodic_orbits(&map, &line(0.0, 0.2, 3), 1).expect("found");
+    assert_eq!(ends.len(), 1);
+    assert!(symmetric_periodic_orbits(&map, &line(-0.2, 0.2, 50), 2).expect("none").is_empty());
+    let bad = [line(0.2, -0.2, 10), line(f64::NAN, 0.2, 10), line(-0.2, 0.2, 1)];
+    for of in bad {
+        assert!(symmetric_periodic_orbits(&map, &of, 1).is_err(), "{of:?}");
+    }
+    let error = symmetric_periodic_orbits(&map, &line(-0.2, 0.2, 10), 0).expect_err("no period");
+    assert!(error.to_string().contains("period"), "{error}");
+}
+
+/// J′ = J − ε sin 5θ, θ′ = θ + J′ around the point (1, 2): islands at J = 4π/5.
+fn five_islands<S: Elementary>(epsilon: f64, z: [S; 2]) -> [S; 2] {
+    let [x, y] = [z[0] - S::from_f64(1.0), z[1] - S::from_f64(2.0)];
+    let action = S::from_f64(0.5) * (x * x + y * y);
+    let (mut sin, mut cos) = (S::from_f64(0.0), S::from_f64(1.0));
+    let length = (x * x + y * y).sqrt();
+    let (unit_x, unit_y) = (x / length, y / length);
+    for _ in 0..5 {
+        (cos, sin) = (cos * unit_x - sin * unit_y, sin * unit_x + cos * unit_y);
+    }
+    let moved = action - S::from_f64(epsilon) * sin;
+    let (sin, cos) = moved.sin_cos();
+    let radius = (moved + moved).sqrt();
+    let turned = [cos * unit_x - sin * unit_y, sin * unit_x + cos * unit_y];
+    [S::from_f64(1.0) + radius * turned[0], S::from_f64(2.0) + radius * turned[1]]
+}
+
+/// A pendulum: ½(J − J₀)² − (ε/5) cos 5θ, 4√(ε/5) wide in J where θ = 0.
+#[test]
+fn islands_are_as_wide_as_a_pendulum() {
+    let around = [1.0, 2.0];
+    let centre = 2.0 * TAU / 5.0;
+    for epsilon in [1e-4, 1e-3] {
+        let map = |z: &[f64]| Ok(with_jacobian(|z| five_islands(epsilon, z), z));
+        let follow = |points: &[f64], maps: usize| {
+            let mut now = points.to_vec();
+            let mut out = Vec::new();
+            for _ in 0..maps {
+                for z in now.chunks_exact_mut(2) {
+                    let moved = five_islands(epsilon, [z[0], z[1]]);
+                    z.copy_from_slice(&moved);
+                }
+                out.extend_from_slice(&now);
+            }
+            Ok(out)
+        };
+        let radius = (2.0 * centre).sqrt();
+        let guess = [1.0 + radius, 2.0];
+        let orbit = periodic_orbit(&map, &guess, 5).expect("the elliptic orbit");
+        assert!((0.0..1.0).contains(&orbit.residue()), "{}", orbit.residue());
+        let of = |reach: f64| IslandSearch::of_orbit(&orbit, (around, reach), &follow);
+        let found = of(0.15).expect("a search").expect("an island");
+        let half = 2.0 * (epsilon / 5.0).sqrt();
+        let [low, high] = [centre - half, centre + half].map(|action| (2.0 * action).sqrt());
+        let width = found.interval.width() / (high - low);
+        assert!((width - 1.0).abs() < 0.03, "{width} at {epsilon}");
+        assert!((found.interval.low - low).abs() < 0.03 * (high - low), "{found:?} for {low}");
+        assert!(found.angle.abs() < 1e-9, "{found:?}");
+        // Beyond the reach there is no end.
+        assert_eq!(of(0.3 * half / centre).expect("a search"), None);
+        // The next point of the orbit, two fifths of a turn on.
+        let mut next = orbit.clone();
+        next.points.rotate_left(1);
+        let next = IslandSearch::of_orbit(&next, (around, 0.15), &follow);
+        let next = next.expect("a search").expect("an island");
+        assert!((next.angle - 0.4 * TAU).abs() < 1e-6, "{next:?}");
+        assert!((next.interval.width() / found.interval.width() - 1.0).abs() < 1e-2);
+        // A tenth of a turn on there is a corner, which has none.
+        let (sin, cos) = (0.1 * TAU).sin_cos();
+        let guess = [radius.mul_add(cos, 1.0), radius.mul_add(sin, 2.0)];
+        let corner = periodic_orbit(&map, &guess, 5).expect("the hyperbolic orbit");
+        let error = IslandSearch::of_orbit(&corner, (around, 0.15), &follow).expect_err("none");
+        assert!(error.to_string().contains("residue"), "{error}");
+        let own = orbit.points[0].clone();
+        let error = IslandSearch::of_orbit(&orbit, ([own[0], own[1]], 0.15), &follow);
+        assert!(error.expect_err("no ray").to_string().contains("away from its centre"));
+        assert!(of(0.0).is_err() && of(f64::NAN).is_err());
+    }
+}
