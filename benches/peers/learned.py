@@ -613,22 +613,25 @@ def program(case, name, options, folder, np):
     steps = case.long_steps[-1]
     predict = [binary, "predict", "--model", model, "--input", folder / "initial.npy", "--steps", steps, "--every", "1",
                "--output", folder / "orbits.npy", "--overwrite", "--outside", "ignore", "--threads", "1"]
-    start = time.perf_counter()
     rolled = subprocess.run([str(part) for part in predict], capture_output=True, text=True)
     if rolled.returncode != 0:
         sys.exit(rolled.stderr)
-    together = (time.perf_counter() - start) / (steps * 64)
-    # Without what the program takes to begin and to write.
-    singly = [*predict]
-    for place, value in (("--input", folder / "first.npy"), ("--output", folder / "alone.npy")):
-        singly[singly.index(place) + 1] = value
-    seconds_of = []
-    for count in (1000, 201_000):
-        singly[singly.index("--steps") + 1], singly[singly.index("--every") + 1] = count, count
-        start = time.perf_counter()
-        subprocess.run([str(part) for part in singly], check=True, capture_output=True)
-        seconds_of.append(time.perf_counter() - start)
-    alone = (seconds_of[1] - seconds_of[0]) / 200_000
+
+    def seconds_a_step(points, few, more):
+        """Without what the program takes to begin and to write."""
+        timed = [*predict]
+        for place, value in (("--input", points), ("--output", folder / "timed.npy")):
+            timed[timed.index(place) + 1] = value
+        found = []
+        for count in (few, more):
+            timed[timed.index("--steps") + 1], timed[timed.index("--every") + 1] = count, count
+            start = time.perf_counter()
+            subprocess.run([str(part) for part in timed], check=True, capture_output=True)
+            found.append(time.perf_counter() - start)
+        return (found[1] - found[0]) / (more - few)
+
+    together = seconds_a_step(folder / "initial.npy", 1000, 51_000) / 64
+    alone = seconds_a_step(folder / "first.npy", 1000, 201_000)
     once = [*predict]
     once[once.index("--input") + 1], once[once.index("--steps") + 1] = folder / "held-out.npy", 1
     once[once.index("--output") + 1] = folder / "step.npy"

@@ -359,9 +359,12 @@ fn of_several(found: &[Found]) -> bool {
     found.iter().any(|of| of.seeds.len() > 1)
 }
 
+/// A number of one set of initial weights.
+type Number = fn(&OfSeed) -> Option<f64>;
+
 fn table(found: &[Found]) -> Table {
     let of_several = of_several(found);
-    let numbers: [(&str, Format, fn(&OfSeed) -> Option<f64>); 4] = [
+    let numbers: [(&str, Format, Number); 4] = [
         ("held-out error, rms of a component", Format::Exponent(1), |of| of.held_out),
         ("without the noise", Format::Exponent(1), |of| of.clean),
         ("roll-out, rms distance", Format::Exponent(1), |of| of.rollout),
@@ -411,7 +414,7 @@ fn figure(found: &[Found]) -> Figure {
             names.push(&of.network);
         }
     }
-    let panel = |title: &str, pick: fn(&OfSeed) -> Option<f64>| {
+    let panel = |title: &str, pick: Number| {
         let series = names.iter().enumerate().map(|(color, name)| {
             let of = found.iter().filter(|of| of.network == *name);
             let points = of.filter_map(|of| Some((of.level?, of.over_seeds(pick).median?)));
