@@ -104,18 +104,24 @@ fn samples_on_orbits_and_shorter_periods() {
     for of in bad {
         assert!(symmetric_periodic_orbits(&map, &of, 1).is_err(), "{of:?}");
     }
+    let wide = |z: &[f64]| Ok((z.repeat(2), vec![0.0; 16]));
+    let error = symmetric_periodic_orbits(&wide, &line(-0.2, 0.2, 10), 1).expect_err("no plane");
+    assert!(error.to_string().contains("coordinates of a plane"), "{error}");
+    let nowhere = |_: &[f64]| Err(Error::invalid("map", "a point", "none"));
+    let error = symmetric_periodic_orbits(&nowhere, &line(-0.2, 0.2, 10), 1).expect_err("none");
+    assert!(error.to_string().contains("a point"), "{error}");
     let error = symmetric_periodic_orbits(&map, &line(-0.2, 0.2, 10), 0).expect_err("no period");
     assert!(error.to_string().contains("period"), "{error}");
 }
 
-/// J′ = J − ε sin 5θ, θ′ = θ + J′ around the point (1, 2): islands at J = 4π/5.
-fn five_islands<S: Elementary>(epsilon: f64, z: [S; 2]) -> [S; 2] {
+/// J′ = J − ε sin kθ, θ′ = θ + J′ around the point (1, 2): k islands at J = 2πj/k.
+fn islands<S: Elementary>(count: u32, epsilon: f64, z: [S; 2]) -> [S; 2] {
     let [x, y] = [z[0] - S::from_f64(1.0), z[1] - S::from_f64(2.0)];
     let action = S::from_f64(0.5) * (x * x + y * y);
     let (mut sin, mut cos) = (S::from_f64(0.0), S::from_f64(1.0));
     let length = (x * x + y * y).sqrt();
     let (unit_x, unit_y) = (x / length, y / length);
-    for _ in 0..5 {
+    for _ in 0..count {
         (cos, sin) = (cos * unit_x - sin * unit_y, sin * unit_x + cos * unit_y);
     }
     let moved = action - S::from_f64(epsilon) * sin;
@@ -125,19 +131,23 @@ fn five_islands<S: Elementary>(epsilon: f64, z: [S; 2]) -> [S; 2] {
     [S::from_f64(1.0) + radius * turned[0], S::from_f64(2.0) + radius * turned[1]]
 }
 
-/// A pendulum: ½(J − J₀)² − (ε/5) cos 5θ, 4√(ε/5) wide in J where θ = 0.
+/// A pendulum: ½(J − J₀)² − (ε/k) cos kθ, 4√(ε/k) wide in J where θ = 0. Two islands exchange opposite points; about a
+/// centre beside that of the circles one step of the orbit gains more than half a turn.
 #[test]
 fn islands_are_as_wide_as_a_pendulum() {
-    let around = [1.0, 2.0];
-    let centre = 2.0 * TAU / 5.0;
-    for epsilon in [1e-4, 1e-3] {
-        let map = |z: &[f64]| Ok(with_jacobian(|z| five_islands(epsilon, z), z));
+    let middle = [1.0, 2.0];
+    for (count, turns, epsilon, shift) in
+        [(5, 2.0, 1e-4, 0.0), (5, 2.0, 1e-3, 0.0), (2, 1.0, 1e-3, 0.0), (7, 3.0, 1e-4, 0.8)]
+    {
+        let place = || format!("{turns}/{count} at {epsilon}");
+        let centre = turns * TAU / f64::from(count);
+        let map = |z: &[f64]| Ok(with_jacobian(|z| islands(count, epsilon, z), z));
         let follow = |points: &[f64], maps: usize| {
             let mut now = points.to_vec();
             let mut out = Vec::new();
             for _ in 0..maps {
                 for z in now.chunks_exact_mut(2) {
-                    let moved = five_islands(epsilon, [z[0], z[1]]);
+                    let moved = islands(count, epsilon, [z[0], z[1]]);
                     z.copy_from_slice(&moved);
                 }
                 out.extend_from_slice(&now);
@@ -146,34 +156,39 @@ fn islands_are_as_wide_as_a_pendulum() {
         };
         let radius = (2.0 * centre).sqrt();
         let guess = [1.0 + radius, 2.0];
-        let orbit = periodic_orbit(&map, &guess, 5).expect("the elliptic orbit");
+        let orbit = periodic_orbit(&map, &guess, count as usize).expect("the elliptic orbit");
         assert!((0.0..1.0).contains(&orbit.residue()), "{}", orbit.residue());
+        let around = [middle[0] + shift, middle[1]];
         let of = |reach: f64| IslandSearch::of_orbit(&orbit, (around, reach), &follow);
-        let found = of(0.15).expect("a search").expect("an island");
-        let half = 2.0 * (epsilon / 5.0).sqrt();
-        let [low, high] = [centre - half, centre + half].map(|action| (2.0 * action).sqrt());
+        let found = of(0.3).expect("a search").unwrap_or_else(|| panic!("{}", place()));
+        let half = 2.0 * (epsilon / f64::from(count)).sqrt();
+        let [low, high] =
+            [centre - half, centre + half].map(|action| (2.0 * action).sqrt() - shift);
         let width = found.interval.width() / (high - low);
-        assert!((width - 1.0).abs() < 0.03, "{width} at {epsilon}");
+        assert!((width - 1.0).abs() < 0.03, "{width}: {}", place());
         assert!((found.interval.low - low).abs() < 0.03 * (high - low), "{found:?} for {low}");
         assert!(found.angle.abs() < 1e-9, "{found:?}");
         // Beyond the reach there is no end.
         assert_eq!(of(0.3 * half / centre).expect("a search"), None);
-        // The next point of the orbit, two fifths of a turn on.
-        let mut next = orbit.clone();
-        next.points.rotate_left(1);
-        let next = IslandSearch::of_orbit(&next, (around, 0.15), &follow);
-        let next = next.expect("a search").expect("an island");
-        assert!((next.angle - 0.4 * TAU).abs() < 1e-6, "{next:?}");
-        assert!((next.interval.width() / found.interval.width() - 1.0).abs() < 1e-2);
-        // A tenth of a turn on there is a corner, which has none.
-        let (sin, cos) = (0.1 * TAU).sin_cos();
-        let guess = [radius.mul_add(cos, 1.0), radius.mul_add(sin, 2.0)];
-        let corner = periodic_orbit(&map, &guess, 5).expect("the hyperbolic orbit");
-        let error = IslandSearch::of_orbit(&corner, (around, 0.15), &follow).expect_err("none");
-        assert!(error.to_string().contains("residue"), "{error}");
         let own = orbit.points[0].clone();
         let error = IslandSearch::of_orbit(&orbit, ([own[0], own[1]], 0.15), &follow);
         assert!(error.expect_err("no ray").to_string().contains("away from its centre"));
         assert!(of(0.0).is_err() && of(f64::NAN).is_err());
+        // Half an island on there is a corner, which has none.
+        let (sin, cos) = (0.5 * TAU / f64::from(count)).sin_cos();
+        let guess = [radius.mul_add(cos, 1.0), radius.mul_add(sin, 2.0)];
+        let corner = periodic_orbit(&map, &guess, count as usize).expect("the hyperbolic orbit");
+        let error = IslandSearch::of_orbit(&corner, (around, 0.15), &follow).expect_err("none");
+        assert!(error.to_string().contains("residue"), "{error}");
+        if shift == 0.0 {
+            // The next point of the orbit.
+            let mut next = orbit.clone();
+            next.points.rotate_left(1);
+            let next = IslandSearch::of_orbit(&next, (around, 0.15), &follow);
+            let next = next.expect("a search").expect("an island");
+            let turned = next.angle / TAU - turns / f64::from(count);
+            assert!((turned - turned.round()).abs() < 1e-6, "{next:?}");
+            assert!((next.interval.width() / found.interval.width() - 1.0).abs() < 1e-2);
+        }
     }
 }

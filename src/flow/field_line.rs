@@ -115,8 +115,8 @@ impl<'a> LineMap<'a> {
         Ok(states)
     }
 
-    /// How near each line comes to a point of a coil, in metres, over so many maps: the least of its distances after each
-    /// step; NaN where it is lost.
+    /// How near each line comes to a point of a coil, in metres, over so many maps: the least of
+    /// [`CoilField::distance`] after each step; NaN where it is lost.
     ///
     /// # Errors
     /// Those of [`LineMap::trajectories`].

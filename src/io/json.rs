@@ -255,7 +255,7 @@ impl StoredModel {
     }
 
     /// The states of orbits from points of the data after 1, …, `maps` maps, whatever becomes of them.
-    fn followed(&self, here: &[f64], maps: usize) -> Result<Vec<f64>, Error> {
+    pub(crate) fn followed(&self, here: &[f64], maps: usize) -> Result<Vec<f64>, Error> {
         let mut start = here.to_vec();
         self.to_network(&mut start);
         let mut states = self.model.rollout(&start, Rollout { steps: maps, every: 1 })?;

@@ -5,6 +5,7 @@ use super::surfaces::{LockedInterval, locked_interval, winding_numbers};
 use super::survival::Follow;
 use crate::error::Error;
 use crate::flow::Trajectories;
+use crate::scalar::max_or_nan;
 use std::f64::consts::TAU;
 
 /// An island of a chain around a centre: the part of the ray from the centre through a point of the chain's elliptic orbit
@@ -45,8 +46,9 @@ impl IslandSearch {
     /// as that of the elliptic orbit, up to a turn over the number of islands, which is the period.
     ///
     /// # Errors
-    /// Those of `follow`; [`Error::OutOfRange`] of a reach outside of 0 to 1; [`Error::Invalid`] of an orbit that
-    /// has the centre as a point, [`Error::WrongCount`] of points that are not of a plane.
+    /// Those of `follow`; [`Error::OutOfRange`] of a reach outside of 0 to 1; [`Error::CountOutOfRange`] of no map;
+    /// [`Error::Invalid`] of an orbit that has the centre as a point, [`Error::WrongCount`] of points that are not of
+    /// a plane.
     pub fn about(&self, points: &[Vec<f64>], follow: Follow<'_>) -> Result<Option<Island>, Error> {
         Error::check_range("reach", self.reach, Error::LEAST_POSITIVE, 1.0)?;
         Error::check_count_range("maps", self.maps, 1, usize::MAX)?;
@@ -68,12 +70,18 @@ impl IslandSearch {
         }
         let ray = angle(&points[0]);
         let (sin, cos) = libm::sincos(ray);
-        // Whole turns of a map do not count: those of both orbits are told modulo one.
+        // Whole turns of a map do not count. A chain of k islands gains a multiple of a kth of a turn a map; each step
+        // of the orbit gains about as much, which tells which one, and by which branch angles are followed.
+        let islands = points.len() as f64;
         let next = points.iter().cycle().skip(1);
-        let gained =
-            points.iter().zip(next).map(|(a, b)| libm::remainder(angle(b) - angle(a), TAU));
-        let winding = gained.sum::<f64>() / (TAU * points.len() as f64);
-        let within = 1.0 / points.len() as f64;
+        let gains: Vec<f64> = points.iter().zip(next).map(|(a, b)| angle(b) - angle(a)).collect();
+        let off_by = |winding: f64| {
+            let each = gains.iter().map(|gain| libm::remainder(gain - TAU * winding, TAU).abs());
+            each.fold(0.0, max_or_nan)
+        };
+        let multiples = (0..points.len()).map(|k| k as f64 / islands);
+        let winding = multiples.min_by(|a, b| off_by(*a).total_cmp(&off_by(*b))).unwrap_or(0.0);
+        let within = 1.0 / islands;
         let locked = |radii: &[f64]| -> Result<Vec<bool>, Error> {
             let place = |r: &f64| [r.mul_add(cos, self.around[0]), r.mul_add(sin, self.around[1])];
             let initial: Vec<f64> = radii.iter().flat_map(place).collect();
@@ -89,15 +97,21 @@ impl IslandSearch {
     /// The same, of an orbit whose own residue says how many maps are needed.
     ///
     /// # Errors
-    /// Those of [`IslandSearch::about`]; [`Error::Invalid`] of an orbit that is not elliptic.
+    /// Those of [`IslandSearch::about`]; [`Error::Invalid`] of an orbit that is not elliptic, or so nearly parabolic
+    /// that orbits do not turn about it within 100,000 maps.
     pub fn of_orbit(
         orbit: &PeriodicOrbit,
         (around, reach): ([f64; 2], f64),
         follow: Follow<'_>,
     ) -> Result<Option<Island>, Error> {
+        /// States of so many maps, of all points that are looked at together, fit into memory.
+        const MOST: usize = 100_000;
         let residue = orbit.residue();
-        let Some(maps) = Self::maps_for(orbit.period(), residue) else {
-            let expected = "an elliptic orbit, of a residue between 0 and 1";
+        let maps = Self::maps_for(orbit.period(), residue).filter(|maps| *maps <= MOST);
+        let Some(maps) = maps else {
+            let expected = format!(
+                "an elliptic orbit, of a residue between 0 and 1, about which orbits turn within {MOST} maps"
+            );
             return Err(Error::invalid("orbit: residue", residue, expected));
         };
         Self { around, reach, maps }.about(&orbit.points, follow)

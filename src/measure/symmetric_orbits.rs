@@ -60,14 +60,16 @@ impl SymmetryLine {
     /// distance of Pᵏ(z) from the line. For an odd one, 2k + 1, the reflection takes Pᵏ(z) to Pᵏ⁺¹(z), and the sum of
     /// their distances is 0. None where the map has no image.
     fn gap(&self, map: WithJacobian<'_>, along: f64, period: usize) -> Option<f64> {
+        let image =
+            |z: &[f64]| map(z).ok().map(|(image, _)| image).filter(|image| image.len() == 2);
         let mut z = self.point(along);
         for _ in 0..period / 2 {
-            z = map(&z).ok()?.0;
+            z = image(&z)?;
         }
         let off = z[self.across()];
         let gap = match period.is_multiple_of(2) {
             true => off,
-            false => off + map(&z).ok()?.0[self.across()],
+            false => off + image(&z)?[self.across()],
         };
         gap.is_finite().then_some(gap)
     }
@@ -76,7 +78,9 @@ impl SymmetryLine {
 /// Finds the periodic orbits of exactly this period that begin on the line of symmetry of a reversible map of a plane, in
 /// the order of their beginnings along it. Between samples at which the half orbit is on different sides of the line
 /// its crossing is bracketed, and Newton's method goes on from there; what leads to no orbit, or to one of a shorter
-/// period, is left out. No guess is needed. An orbit that crosses the line at two samples' intervals is returned once.
+/// period, is left out, as is a part of the line on which the map has no images. No guess is needed. An orbit that
+/// crosses the line at two samples' intervals is returned once. That the map is reversible is not tested: one that is
+/// not has, as a rule, no such orbits.
 ///
 /// Of an odd period every symmetric orbit has one point on the line. Of an even period it has two or none: those
 /// without are on the line of the other reversor, P∘S.
@@ -85,7 +89,8 @@ impl SymmetryLine {
 ///
 /// # Errors
 /// [`Error::CountOutOfRange`] of a period of 0 or fewer than two samples; [`Error::NotFinite`] and [`Error::Invalid`]
-/// of ends that are no part of a line; [`Error::WrongCount`] of a map of more than one degree of freedom.
+/// of ends that are no part of a line; [`Error::WrongCount`] of a map of more than one degree of freedom; those of the
+/// map at the first sample, where it has no image of any.
 pub fn symmetric_periodic_orbits(
     map: WithJacobian<'_>,
     line: &SymmetryLine,
@@ -96,6 +101,10 @@ pub fn symmetric_periodic_orbits(
     let mut found: Vec<PeriodicOrbit> = Vec::new();
     let gaps: Vec<Option<f64>> =
         (0..line.samples).map(|k| line.gap(map, line.at(k), period)).collect();
+    if gaps.iter().all(Option::is_none) {
+        let (image, _) = map(&line.point(line.from))?;
+        Error::check_count("coordinates of a plane", 2, image.len())?;
+    }
     // A sample on an orbit is of the interval that ends there.
     let first = gaps.first().copied().flatten().filter(|gap| *gap == 0.0).map(|_| line.from);
     let between = (1..line.samples).filter_map(|k| {

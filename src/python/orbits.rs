@@ -4,6 +4,7 @@ use super::arrays::{Rows, array, point_of, points_of, read, rows_of};
 use crate::error::Error;
 use crate::flow::Trajectories;
 use crate::io::{StoredModel, read_section};
+use crate::layer::Reversor;
 use crate::measure::orbits::{
     Branch, InvariantCircle, IslandSearch, PeriodicOrbit, SymmetryLine, WithJacobian, manifold,
     periodic_orbit, periodic_orbits, rotation_numbers, spectral_lines as lines_of,
@@ -67,6 +68,13 @@ pub(super) fn symmetric_of_model<'py>(
     period: usize,
 ) -> PyResult<Bound<'py, PyList>> {
     of_a_plane(stored)?;
+    // The canonical q of a section is its y, the second column of the data.
+    let reversor = match (line.reversor, &stored.section) {
+        (Reversor::Positions, Some(_)) => Reversor::Momenta,
+        (Reversor::Momenta, Some(_)) => Reversor::Positions,
+        (reversor, None) => reversor,
+    };
+    let line = SymmetryLine { reversor, ..line };
     let map = |z: &[f64]| with_jacobian(stored, z);
     let found = py.detach(|| symmetric_periodic_orbits(&map, &line, period))?;
     as_list(py, found)
@@ -85,9 +93,7 @@ pub(super) fn island_of<'py>(
     let (guess, around) = (point_of("guess", guess, 1)?, point_of("around", around, 1)?);
     let found = py.detach(|| {
         let orbit = periodic_orbit(&|z: &[f64]| with_jacobian(stored, z), &guess, period)?;
-        let follow = |points: &[f64], steps: usize| {
-            Ok(stored.rollout(points, Rollout { steps, every: 1 })?.split_off(points.len()))
-        };
+        let follow = |points: &[f64], steps: usize| stored.followed(points, steps);
         IslandSearch::of_orbit(&orbit, ([around[0], around[1]], reach), &follow)
     })?;
     let Some(island) = found else { return Ok(None) };

@@ -395,9 +395,7 @@ impl OfMachine {
         };
         let starts = section.starts(count);
         let end = &states[2 * maps * count..];
-        // A line that goes round the section once comes as near to the coils as it ever does, nearly.
-        let once = (libm::ceil(1.0 / turns) as usize).clamp(1, maps);
-        let nearest = section.map().nearest_to_coils(&starts, once)?;
+        let nearest = section.map().nearest_to_coils(&starts, maps)?;
         let resolved = section.field().resolved_from();
         let stays = |m: &usize| {
             end[2 * m].is_finite() && end[2 * m + 1].is_finite() && nearest[*m] >= resolved

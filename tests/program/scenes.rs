@@ -314,7 +314,7 @@ fn parts_have_an_overview() {
     let scene = format!(
         "name = \"all\"\n[overview]\n{}\n{}",
         part("one", "steps = 100"),
-        part("two", "steps = 50")
+        part("two", "steps = 50").replace("network =", "seeds = 2\nnetwork =")
     );
     let folder = with_scene("all.toml", &scene);
     succeeds(folder.path(), &["run", "all.toml", "--out", "o"]);
@@ -336,6 +336,17 @@ fn parts_have_an_overview() {
     let moved = own["near_identity_rms"].as_f64().expect("a number") / 0.01;
     assert_eq!(rows[0]["near_identity_over_epsilon"], moved);
     assert!(rows[0]["share"].as_f64() < Some(1.0) && rows[0]["theta_moved"].is_number());
+    // The median of two initial weights is their mean.
+    let two = read("two/report.json");
+    let models = two["studies"]["training"]["models"].as_array().expect("models");
+    let number = |value: &Value| value.as_f64().expect("a number");
+    let [first, second] = [0, 1].map(|k| number(&models[k]["best"]["validation"]));
+    assert_eq!((rows[1]["seeds"].as_u64(), models.len()), (Some(2), 2));
+    assert!((number(&rows[1]["held_out"]) / f64::midpoint(first, second) - 1.0).abs() < 1e-12);
+    assert_eq!(number(&rows[1]["worst_held_out"]), if first > second { first } else { second });
+    let distances = &two["studies"]["rollout"]["seeds"][0]["rms_errors"];
+    let [first, second] = [0, 1].map(|k| number(&distances[k]));
+    assert!((number(&rows[1]["rollout"]) / f64::midpoint(first, second) - 1.0).abs() < 1e-12);
     let text = std::fs::read_to_string(folder.path().join("o/report.md")).expect("a report");
     assert!(text.contains("## All networks") && text.contains("Seconds of training"), "{text}");
     let bad = with_scene("bad.toml", &format!("{SCENE}\n[overview]\n"));

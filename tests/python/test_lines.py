@@ -35,6 +35,7 @@ def test_lines_are_traced_and_learnt(lines, tmp_path):
         kicks=(4, 1, 6),
         twists=(1, 1, 4),
         perturbation=(4, 1, 6),
+        reversor="positions",
         starts=1,
         iterations=40,
     )
@@ -48,10 +49,10 @@ def test_lines_are_traced_and_learnt(lines, tmp_path):
     assert np.abs(orbit["multiplier"] - model.jacobian(orbit["points"][0])).max() < 1e-12
     assert orbit["missed"] < 1e-12
     # The midplane is the line of symmetry: the axis is found on it without a guess.
-    (other,) = model.symmetric_orbits("momenta", radius - 0.03, radius + 0.03, samples=31)
+    (other,) = model.symmetric_orbits("positions", radius - 0.03, radius + 0.03, samples=31)
     assert np.abs(other["points"] - orbit["points"])[:, 0].max() < 1e-4
     with pytest.raises(gyroceptron.Error, match="ascending"):
-        model.symmetric_orbits("momenta", radius, radius - 0.01)
+        model.symmetric_orbits("positions", radius, radius - 0.01)
     with pytest.raises(gyroceptron.Error, match="positions or momenta"):
         model.symmetric_orbits("midplane", radius - 0.01, radius)
     # The axis is no island around itself.

@@ -42,11 +42,21 @@ initial = [[0.7, 0.3, 0.0, 0.2], [0.5, 0.6, 0.0, 0.0]]
 #[test]
 fn a_family_is_judged_where_it_was_seen_and_where_not() {
     let folder = temporary();
-    let scene = parse("kin", FAMILY).expect("a scene");
+    let several = FAMILY.replace("name = \"normal-form\",", "name = \"normal-form\", seeds = 2,");
+    let scene = parse("kin", &several).expect("a scene");
     let report = run_in(folder.path(), &scene);
     let data = render::json(&report);
     let number = |value: &Value| value.as_f64().expect("a number");
     let family = &data["studies"]["family"];
+    // Two initial weights lead to two maps, one initial weights is its own median and worst.
+    for (found, worst, of) in
+        [("errors", "worst_errors", "maps"), ("learnt", "worst_learnt", "invariants")]
+    {
+        for row in family[of].as_array().expect("rows") {
+            assert!(number(&row[worst][0]) > number(&row[found][0]), "{row}");
+            assert_eq!(row[worst][1], row[found][1], "{row}");
+        }
+    }
     let maps = family["maps"].as_array().expect("maps");
     assert_eq!(maps.len(), 6);
     for map in maps {

@@ -1,6 +1,6 @@
 //! The actions of a system's torus, and those that networks have learnt.
 
-use super::seed_errors::{rollouts_of_seeds, words_of_rollouts};
+use super::seed_errors::{data_of_rollouts, rollouts_of_seeds, words_of_rollouts};
 use super::shared::{Study, check_along};
 use crate::error::Error;
 use crate::flow::Trajectories;
@@ -105,7 +105,7 @@ impl Study for ActionsOptions {
         let mut data = json!({ "actions": found.all, "distances": found.distances });
         if !seeds.is_empty() {
             summary.push(Block::Text(words_of_rollouts(&seeds)));
-            data["seeds"] = json!(seeds);
+            data["seeds"] = data_of_rollouts(&seeds);
         }
         Ok(Findings {
             title: "Actions".into(),

@@ -103,14 +103,25 @@ impl EdgeOptions {
         };
         let exponents = starts.par_chunks_exact(2).zip(&survived).map(of_line);
         let exponents = exponents.collect::<Result<Vec<_>, _>>()?;
-        let branches = corner.filter(|_| self.manifold > 0.0).map(|corner| {
+        let followed = |corner: &OrbitFound| {
             let maps = corner.points.len();
             let orbit = periodic_orbit(&with_jacobian, &corner.points[0], maps)?;
             self.branches(map, &orbit, judge)
-        });
+        };
         // Of a map whose manifold cannot be followed the rest is still said.
-        let branches = branches.and_then(Result::ok).unwrap_or_default();
-        Ok(EdgeFound { name: name.to_owned(), survived, exponents, branches })
+        let (branches, no_manifold) = match corner {
+            _ if self.manifold == 0.0 => (Vec::new(), None),
+            None => {
+                let reason =
+                    "of the lowest resonance no corner was found that differs from a curve";
+                (Vec::new(), Some(reason.to_owned()))
+            }
+            Some(corner) => match followed(corner) {
+                Ok(branches) => (branches, None),
+                Err(reason) => (Vec::new(), Some(reason.to_string())),
+            },
+        };
+        Ok(EdgeFound { name: name.to_owned(), survived, exponents, branches, no_manifold })
     }
 
     /// Both branches of the unstable manifold of the first point of an orbit.
@@ -178,7 +189,15 @@ impl EdgeOptions {
             ];
             table.push(row);
         }
-        vec![Block::Text(words), Block::Table(table)]
+        let mut blocks = vec![Block::Text(words), Block::Table(table)];
+        let without = found.iter().filter_map(|of| Some((&of.name, of.no_manifold.as_ref()?)));
+        let lines: Vec<String> = without
+            .map(|(name, reason)| format!("- No manifold of `{name}` is followed: {reason}."))
+            .collect();
+        if !lines.is_empty() {
+            blocks.push(Block::Text(lines.join("\n")));
+        }
+        blocks
     }
 
     /// Maps survived and exponents against the distance from the axis.
@@ -259,6 +278,9 @@ pub(super) struct EdgeFound {
     /// Points of each branch of the manifold of the corner.
     #[serde(skip)]
     branches: Vec<Vec<f64>>,
+    /// Why there is none, where one was to be followed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    no_manifold: Option<String>,
 }
 
 impl EdgeFound {

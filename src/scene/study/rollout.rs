@@ -1,6 +1,6 @@
 //! The trajectories of each network beside the reference.
 
-use super::seed_errors::{rollouts_of_seeds, words_of_rollouts};
+use super::seed_errors::{data_of_rollouts, rollouts_of_seeds, words_of_rollouts};
 use super::shared::Study;
 use crate::error::Error;
 use crate::flow::{ReferenceTrajectories, Trajectories};
@@ -248,8 +248,7 @@ impl Study for RolloutOptions {
             "models": networks.iter().map(Network::data).collect::<Vec<_>>(),
         });
         if !seeds.is_empty() {
-            let of = |(network, rms): &(String, Vec<f64>)| json!({ "network": network, "rms_errors": rms });
-            data["seeds"] = seeds.iter().map(of).collect();
+            data["seeds"] = data_of_rollouts(&seeds);
         }
         if !of_components.is_empty() {
             let named = |(name, errors): &(&str, Vec<f64>)| json!({ "name": name, "rms": errors });

@@ -14,6 +14,7 @@ use crate::scene::findings::{Format, Table};
 use crate::scene::learning::BySeed;
 use crate::scene::trained::Trained;
 use serde::Serialize;
+use serde_json::{Value, json};
 use std::rc::Rc;
 
 /// The median and the largest of the numbers that the initial weights of a network led to.
@@ -128,6 +129,12 @@ pub(super) fn rollouts_of_seeds(
         out.push((network, errors));
     }
     Ok(out)
+}
+
+/// [`rollouts_of_seeds`], as a report has them as data.
+pub(super) fn data_of_rollouts(seeds: &[(String, Vec<f64>)]) -> Value {
+    let of = |(network, rms): &(String, Vec<f64>)| json!({ "network": network, "rms_errors": rms });
+    seeds.iter().map(of).collect()
 }
 
 /// A line for each network of [`rollouts_of_seeds`].

@@ -615,7 +615,8 @@ impl Results<'_> {
             "{} lines from r = {} to {} over {} maps; lengths are in units of the minor radius. One by \
              one: the root mean square distance from the reference over the first {}. From the \
              surface: of the last {} points of each line from the nearest of all those of the \
-             reference, which itself errs by {error:.1e} at the end. H of the reference oscillates \
+             reference, which itself errs by {error:.1e} at the end; below the spacing of these points a distance \
+             ranks no methods. H of the reference oscillates \
              by up to {:.2} % on the section. The island of the reference: {island}, from \
              {} maps.",
             options.radii.len(),
