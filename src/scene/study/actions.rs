@@ -1,6 +1,6 @@
 //! The actions of a system's torus, and those that networks have learnt.
 
-use super::seed_errors::{data_of_rollouts, rollouts_of_seeds, words_of_rollouts};
+use super::over_seeds::{data_of_rollouts, rollouts_of_seeds, words_of_rollouts};
 use super::shared::{Study, check_along};
 use crate::error::Error;
 use crate::flow::Trajectories;

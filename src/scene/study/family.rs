@@ -1,7 +1,7 @@
 //! A family of maps: networks at ε and flow times that they were trained on or not, and how well
 //! their invariants are conserved along the reference at each ε.
 
-use super::seed_errors::MedianAndWorst;
+use super::over_seeds::MedianAndWorst;
 use super::shared::{Study, finite};
 use crate::error::Error;
 use crate::flow::Trajectories;

@@ -17,6 +17,7 @@ pub mod frequency_map;
 pub mod line_edge;
 pub mod long_steps;
 pub mod noise;
+mod over_seeds;
 pub mod overview;
 pub mod own_invariant;
 pub(super) mod pairs;

@@ -1,6 +1,6 @@
 //! Pairs with noise and pairs with a gap: what each network makes of them, and what is said of it.
 
-use super::seed_errors::MedianAndWorst;
+use super::over_seeds::MedianAndWorst;
 use super::shared::{Study, check_along, finite};
 use crate::error::Error;
 use crate::flow::{Pairs, Trajectories};

@@ -1,6 +1,6 @@
 //! The networks of all parts of a scene in one table.
 
-use super::seed_errors::MedianAndWorst;
+use super::over_seeds::MedianAndWorst;
 use super::shared::{Study, check_parts};
 use crate::error::Error;
 use crate::scene::context::{Context, RunError};

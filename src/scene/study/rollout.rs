@@ -1,6 +1,6 @@
 //! The trajectories of each network beside the reference.
 
-use super::seed_errors::{data_of_rollouts, rollouts_of_seeds, words_of_rollouts};
+use super::over_seeds::{data_of_rollouts, rollouts_of_seeds, words_of_rollouts};
 use super::shared::Study;
 use crate::error::Error;
 use crate::flow::{ReferenceTrajectories, Trajectories};

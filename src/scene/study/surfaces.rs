@@ -1,7 +1,7 @@
 //! Surfaces of field lines over many turns: networks and integrators beside the reference.
 
+use super::over_seeds::MedianAndWorst;
 use super::rollout::orbit_color;
-use super::seed_errors::MedianAndWorst;
 use super::shared::{Study, finite};
 use super::step_tables::{MadeTable, TableCost, TableSizes, citations_of, make, named};
 use super::work_precision::{Compared, HOW, MOST_ROUNDS, citations, work_precision_panel};
