@@ -346,7 +346,10 @@ fn pairs_are_along_orbits() {
     refused(&scene.replace("[surfaces]", rollout), &["initial", "[0.1, 3.0]"]);
     let (set_up, _) = scene.split_once("[surfaces]").expect("a set-up");
     let (_, models) = scene.split_once("[[models]]").expect("a model");
-    let trained = format!("{}[[models]]{models}", set_up.replace("plots = [\"section\"]", ""));
+    let trained = format!(
+        "{}[[models]]{models}",
+        set_up.replace("plots = [\"section\", \"surfaces-methods\"]", "")
+    );
     assert!(parse("orbits", &trained).and_then(|scene| scene.complete()).is_ok());
     let quarter =
         trained.replace("flow_time = 6.283185307179586", "flow_time = 1.5707963267948966");
