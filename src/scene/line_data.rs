@@ -158,6 +158,8 @@ fn usual_epsilon() -> f64 {
 
 /// More lines are a mistake.
 const MOST_LINES: usize = 1_000_000;
+/// In one map of so many it is looked at how near lines come to coils, which takes as long as tracing.
+const LOOKED_AT: usize = 5;
 /// Fewer fill no section.
 const LEAST_LINES: usize = 4;
 
@@ -395,12 +397,18 @@ impl OfMachine {
         };
         let starts = section.starts(count);
         let end = &states[2 * maps * count..];
-        let nearest = section.map().nearest_to_coils(&starts, maps)?;
         let resolved = section.field().resolved_from();
-        let stays = |m: &usize| {
-            end[2 * m].is_finite() && end[2 * m + 1].is_finite() && nearest[*m] >= resolved
-        };
-        let kept: Vec<usize> = (0..count).filter(stays).collect();
+        let mut stays: Vec<bool> =
+            end.chunks_exact(2).map(|z| z.iter().all(|v| v.is_finite())).collect();
+        for map in (0..maps).step_by(LOOKED_AT) {
+            if stopped() {
+                return Ok(None);
+            }
+            let here = &states[2 * count * map..][..2 * count];
+            let nearest = section.map().nearest_to_coils(here, 1)?;
+            stays.iter_mut().zip(nearest).for_each(|(stays, near)| *stays &= near >= resolved);
+        }
+        let kept: Vec<usize> = (0..count).filter(|m| stays[*m]).collect();
         if kept.len() < LEAST_LINES {
             let found = format!("{} of {count} lines over {maps} maps", kept.len());
             let expected = "a reach within which lines stay in the machine";
