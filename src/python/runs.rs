@@ -127,9 +127,7 @@ pub(super) fn _scene(
     }
     let (read, lacking) = read.without_parts_that_lack_files();
     read.complete()?;
-    let text = toml::to_string_pretty(&read);
-    let text =
-        text.map_err(|reason| Error::content(scene, "a scene that can be written", reason))?;
+    let text = read.to_toml()?;
     Ok((read.name.clone(), text, lacking))
 }
 

@@ -211,8 +211,6 @@ impl Folder {
 
     /// The scene as it is run.
     pub(super) fn save_scene(&self, scene: &Scene) -> Result<(), Error> {
-        let text = toml::to_string_pretty(scene)
-            .map_err(|reason| Error::write(&self.file(AS_RUN), reason))?;
-        self.save_text(AS_RUN, &text)
+        self.save_text(AS_RUN, &scene.to_toml()?)
     }
 }

@@ -62,6 +62,7 @@ mod trained;
 mod trial;
 mod trust;
 mod words;
+mod written;
 
 pub use catalogue::{CatalogueEntry, catalogue, default_scene, find};
 pub use citation::bibtex;

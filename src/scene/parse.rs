@@ -3,7 +3,9 @@
 use super::catalogue::{CatalogueEntry, find};
 use super::nearest::nearest;
 use super::registry::Scene;
+use super::written::to_json;
 use crate::error::Error;
+use serde_json::Value;
 use std::borrow::Cow;
 use toml::de::DeTable;
 
@@ -24,7 +26,7 @@ pub fn parse(place: &str, text: &str) -> Result<Scene, Error> {
     })?;
     // Variants without fields let any key pass: what does not come back beside a
     // kind when the scene is written again was not understood.
-    let written = toml::Value::try_from(&scene).ok();
+    let written = to_json(&scene).ok();
     let given = toml::from_str::<toml::Value>(text).ok();
     if let (Some(written), Some(given)) = (written, given)
         && let Some((key, known)) = stray_key(&given, &written)
@@ -66,9 +68,9 @@ fn without_named_scenes<'a>(
 
 /// The first key of a kind that `given` has and `written` lacks, with its known
 /// neighbours. Elsewhere a key may be left out for its default value.
-fn stray_key(given: &toml::Value, written: &toml::Value) -> Option<(String, Vec<String>)> {
+fn stray_key(given: &toml::Value, written: &Value) -> Option<(String, Vec<String>)> {
     match (given, written) {
-        (toml::Value::Table(given), toml::Value::Table(written)) => {
+        (toml::Value::Table(given), Value::Object(written)) => {
             let of_kind = given.contains_key("kind");
             given.iter().find_map(|(key, value)| match written.get(key) {
                 Some(other) => stray_key(value, other),
@@ -76,7 +78,7 @@ fn stray_key(given: &toml::Value, written: &toml::Value) -> Option<(String, Vec<
                 None => None,
             })
         }
-        (toml::Value::Array(given), toml::Value::Array(written)) => {
+        (toml::Value::Array(given), Value::Array(written)) => {
             given.iter().zip(written).find_map(|(a, b)| stray_key(a, b))
         }
         _ => None,

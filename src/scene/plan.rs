@@ -5,6 +5,7 @@ use super::learning::leading_up;
 use super::line_data::{Coils, LineData};
 use super::registry::{AnyStudy, Scene};
 use super::setup::{Data, SeededTraining, StudyTraining};
+use super::written::to_json;
 use crate::digest;
 use crate::error::Error;
 use crate::io::file_digest;
@@ -85,7 +86,7 @@ impl Scene {
         }
         planning.jobs.sort_by_key(|job| job.wave);
         let digests: Vec<&str> = planning.jobs.iter().map(|job| &job.digest[..]).collect();
-        let scene = serde_json::to_value(self)
+        let scene = to_json(self)
             .map_err(|reason| Error::content(&self.name, "a scene that JSON can hold", reason))?;
         let scene = json!({ "scene": scene, "jobs": digests, "files": file_digests(self)? });
         let (needs, task) = (planning.jobs.iter().map(|job| job.id.clone()).collect(), Task::Merge);

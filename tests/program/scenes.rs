@@ -363,6 +363,9 @@ fn scenes_are_listed_and_shown() {
         assert_eq!(shown, entry.text);
         let scene = entry.scene().expect("a valid scene");
         assert_eq!(scene.name, entry.name);
+        let written = scene.to_toml().expect("a text");
+        assert!(written.starts_with(&format!("name = \"{}\"\n", entry.name)), "{written}");
+        assert_eq!(gyroceptron::scene::parse(entry.name, &written).expect("a scene"), scene);
         scene.clone().with_weights(Path::new("w.npz")).0.complete().expect("complete");
         let cited = text(&succeeds(folder.path(), &["cite", entry.name]).stdout);
         assert!(cited.contains("10.1038/s41598-023-34862-w"));
