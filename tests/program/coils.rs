@@ -7,7 +7,7 @@ use gyroceptron::layer::Reversor;
 use gyroceptron::network::Rollout;
 use gyroceptron::scalar::max_or_nan;
 use gyroceptron::scene::{Event, Folder, Observer, parse, run};
-use gyroceptron::system::{Tokamak, Torsatron};
+use gyroceptron::system::{Coil, Tokamak, Torsatron};
 use serde_json::Value;
 use std::fmt::Write;
 use std::path::Path;
@@ -67,9 +67,15 @@ network = { kind = "normal-form", reversor = "positions", kicks = { count = 3, w
 weights = { kind = "normal", scale = 0.15 }
 "#;
 
-/// The coils of the torsatron as a file has them: a line for each mode.
+/// The coils of the torsatron as a file has them.
 fn write_coils(path: &Path) -> Vec<f64> {
     let coils = Torsatron::default().coils().expect("sound").coils;
+    write_modes(path, &coils);
+    coils.iter().map(|coil| coil.current).collect()
+}
+
+/// Coils as a file has them: a line for each mode.
+fn write_modes(path: &Path, coils: &[Coil]) {
     let modes = coils.iter().map(|coil| coil.cosines.len()).max().expect("coils");
     let mut lines = String::from("# a torsatron\n");
     for k in 0..modes {
@@ -84,7 +90,6 @@ fn write_coils(path: &Path) -> Vec<f64> {
         lines.push('\n');
     }
     std::fs::write(path, lines).expect("written");
-    coils.iter().map(|coil| coil.current).collect()
 }
 
 #[test]
@@ -418,6 +423,44 @@ fn lines_of_a_tokamak_are_learnt() {
     let refused = whole.replace("coils = 12", "coils = 12, plasma_width = -1.0");
     std::fs::write(path.join("bad.toml"), refused).expect("written");
     refuses(path, &["run", "bad.toml"], &["coils.plasma_width", "-1"]);
+}
+
+/// A small ring that carries next to no current, beside the outermost lines: they are where its points do not act as a
+/// line, and no pairs are made of them.
+#[test]
+fn lines_that_come_too_near_a_coil_are_left_out() {
+    let folder = folder();
+    let path = folder.path();
+    let mut coils = Torsatron::default().coils().expect("sound").coils;
+    coils.push(Coil {
+        cosines: vec![[4.07, 0.0, 0.0], [0.0, 0.005, 0.0]],
+        sines: vec![[0.0; 3], [0.0, 0.0, 0.005]],
+        current: 1e-3,
+        width: 0.0,
+    });
+    write_modes(&path.join("coils.dat"), &coils);
+    let request = LineRequest {
+        phi: 0.0,
+        angle: std::f64::consts::TAU / 10.0,
+        reach: 0.05,
+        guess: Some([3.95, 0.0]),
+        error: 1e-6,
+    };
+    let section = LineSection::new(&coils, request).expect("a section");
+    let nearest = section.map().nearest_to_coils(&section.starts(5), 48).expect("distances");
+    let resolved = section.field().resolved_from();
+    let kept = nearest.iter().filter(|near| **near >= resolved).count();
+    assert!(kept == 2, "{nearest:?} of {resolved}");
+    // In the file is the whole machine, which periods make ten times.
+    let currents: Vec<String> = coils.iter().map(|c| (c.current / 10.0).to_string()).collect();
+    let file = format!(
+        r#"{{ kind = "file", path = "coils.dat", currents = [{}], periods = 10, stellarator_symmetric = false }}"#,
+        currents.join(",")
+    );
+    let five = scene(&file).replace("lines = 24", "lines = 5, axis = [3.95, 0.0]");
+    std::fs::write(path.join("near.toml"), &five).expect("written");
+    let words = ["data.lines.reach", "2 of 5 lines over 48 maps"];
+    refuses(path, &["run", "near.toml", "--out", "a"], &words);
 }
 
 #[test]

@@ -126,6 +126,45 @@ def test_manifolds_and_chaos_of_a_model():
         model.manifold([np.pi, 0.0], **short)
 
 
+def kicked(points, strength=1.06):
+    """Half a drift, a kick by -K sin q, half a drift: reversible, with islands of six where p = 0.69."""
+    q, p = points[..., 0] + points[..., 1] / 2, points[..., 1]
+    after = p - strength * np.sin(q)
+    return np.stack([q + after / 2, after], -1)
+
+
+def test_islands_of_a_model_are_as_wide_as_those_of_the_map():
+    points = np.random.default_rng(5).uniform(-1.1, 1.1, (1500, 2))
+    model = gyroceptron.train(
+        points,
+        kicked(points),
+        [1],
+        architecture="normal-form",
+        reversor="positions",
+        kicks=(6, 1, 8),
+        twists=(1, 1, 5),
+        perturbation=(8, 1, 8),
+        starts=1,
+        iterations=100,
+    )
+    (orbit,) = model.symmetric_orbits("positions", 0.5, 1.0, 6)
+    assert 0 < orbit["residue"] < 1 and abs(orbit["points"][0][0]) < 1e-9
+    island = model.island(orbit["points"][0], 6, around=[0.0, 0.0])
+    # On the ray of p, orbits of the map itself that turn by a sixth in the mean.
+    ray = np.linspace(0.6, 0.8, 401)
+    z, turned = np.stack([np.zeros(401), ray], 1), np.zeros(401)
+    for _ in range(3000):
+        angle = np.arctan2(*z.T)
+        z = kicked(z)
+        turned += np.mod(np.arctan2(*z.T) - angle, 2 * np.pi)
+    inside = ray[np.abs(turned / 3000 / (2 * np.pi) - 1 / 6) < 2e-5]
+    assert abs(island["low"] - inside[0]) < 2e-3 and abs(island["high"] - inside[-1]) < 2e-3
+    assert island["width"] == pytest.approx(island["high"] - island["low"], rel=1e-12)
+    assert island["width"] == pytest.approx(inside[-1] - inside[0], rel=0.03)
+    assert abs(island["angle"]) == pytest.approx(np.pi / 2, abs=1e-9)
+    assert model.island([0.0, 0.0], around=[0.0, -0.1]) is None
+
+
 def torsatron():
     """The built-in coils by points: two windings and two rings."""
     t = 2 * np.pi * np.arange(60) / 60
