@@ -52,10 +52,9 @@ class ByMap:
     """Questions to the map: a value, and its derivative by the control."""
 
     def __init__(self, model, axis, chain):
-        self.model, self.guess, self.queries = model, {1: axis, PERIOD: chain}, 0
+        self.model, self.guess = model, {1: axis, PERIOD: chain}
 
     def orbit(self, planar, period):
-        self.queries += 1
         found = self.model.orbit_response(self.guess[period], period, planar=planar)
         self.guess[period] = found["points"][0]
         return found
@@ -125,16 +124,24 @@ def chain_of(model, axis):
 def wanted(name, aim, start, by_map, by_tracing):
     """The roots for one aim, from a first value of the control, and what the field says of them."""
     ask, trace = by_map(), by_tracing()
-    learnt, of_map = seconds(
-        lambda: root_scalar(
-            lambda x: np.subtract(getattr(ask, name)(x), (aim, 0.0)), x0=start, fprime=True, method="newton", xtol=1e-10
-        )
-    )
-    traced, of_field = seconds(
-        lambda: root_scalar(lambda x: getattr(trace, name)(x) - aim, x0=start, x1=start - 5e-4, method="secant", xtol=1e-7)
-    )
+
+    def by_newton():
+        def off(planar):
+            value, slope = getattr(ask, name)(planar)
+            return value - aim, slope
+
+        return root_scalar(off, x0=start, fprime=True, method="newton", xtol=1e-10)
+
+    def by_secants():
+        def off(planar):
+            return getattr(trace, name)(planar) - aim
+
+        return root_scalar(off, x0=start, x1=start - 5e-4, method="secant", xtol=1e-7)
+
+    learnt, of_map = seconds(by_newton)
+    traced, of_field = seconds(by_secants)
     missed = [getattr(by_tracing(), name)(x) - aim for x in (learnt.root, traced.root)]
-    return learnt, traced, missed, (of_map, ask.queries), (of_field, trace.queries, trace.making)
+    return learnt, traced, missed, of_map, (of_field, trace.queries, trace.making)
 
 
 def main():
@@ -156,14 +163,19 @@ def main():
     model = gyroceptron.load(given)
     axis = gyroceptron.FieldLines(coils, CURRENTS, FIELD_PERIODS, section=AT, reach=REACH, error=1e-8).axis
     chain = chain_of(model, axis)
-    by_map = lambda: ByMap(model, np.array(axis), chain)  # noqa: E731
-    by_tracing = lambda: ByTracing(coils, np.array(axis), chain)  # noqa: E731
+
+    def by_map():
+        return ByMap(model, np.array(axis), chain)
+
+    def by_tracing():
+        return ByTracing(coils, np.array(axis), chain)
+
     starts = {"transform": 0.0, "distance": WITH_ISLANDS}
     first = {name: getattr(by_tracing(), name)(start) for name, start in starts.items()}
     print(f"transform on the axis without currents in the planar coils {first['transform']:.6f}, ", end="")
     print(f"islands of 5/6 for a share of {WITH_ISLANDS} at {first['distance']:.6f} m from it\n")
     aims = [("transform", -0.01), ("transform", 0.01), ("distance", -0.02), ("distance", -0.05)]
-    words = {"transform": "transform on the axis", "distance": "islands at, m"}
+    words = {"transform": "transform on the axis {:.6f}", "distance": "islands at {:.6f} m"}
     head = ["wanted", "share of the planar coils: by the map, by tracing", "missed in the field by", "values asked"]
     rows = []
     for name, change in aims:
@@ -171,13 +183,13 @@ def main():
         learnt, traced, missed, of_map, of_field = wanted(name, aim, starts[name], by_map, by_tracing)
         rows.append(
             [
-                f"{words[name]} {aim:.6f}",
+                words[name].format(aim),
                 f"{learnt.root:.7f}, {traced.root:.7f}",
                 f"{missed[0]:.1e}, {missed[1]:.1e}",
                 f"{learnt.function_calls}, {of_field[1]}",
-                f"{1e3 * of_map[0]:.2f} ms",
+                f"{1e3 * of_map:.2f} ms",
                 f"{of_field[0]:.2f} s, {of_field[0] - of_field[2]:.2f} s",
-                f"{of_field[0] / of_map[0]:.0f}, {(of_field[0] - of_field[2]) / of_map[0]:.0f}",
+                f"{of_field[0] / of_map:.0f}, {(of_field[0] - of_field[2]) / of_map:.0f}",
             ]
         )
     head += ["by the map", "by tracing, and without its set-up", "times as long"]
