@@ -86,7 +86,7 @@ class ByTracing:
         return found
 
     def orbit(self, lines, period):
-        """A periodic orbit near the last one: its first point and the Jacobian of the whole."""
+        """The first point of the periodic orbit near the last one."""
         z = self.guess[period]
         for _ in range(20):
             states = lines.trace(z, period)
@@ -95,10 +95,10 @@ class ByTracing:
                 whole = jacobian @ whole
             step = np.linalg.solve(whole - np.eye(2), states[-1] - z)
             z = z - step
-            if not np.abs(step).max() > 1e-10:
-                break
-        self.guess[period] = z
-        return z, whole
+            if np.abs(step).max() <= 1e-10:
+                self.guess[period] = z
+                return z
+        raise SystemExit(f"Newton's method finds no orbit of {period} periods in the field, last {step} m away")
 
     def transform(self, planar):
         lines = self.lines(planar)
@@ -106,7 +106,7 @@ class ByTracing:
 
     def distance(self, planar):
         lines = self.lines(planar)
-        return self.orbit(lines, PERIOD)[0][0] - lines.axis[0]
+        return self.orbit(lines, PERIOD)[0] - lines.axis[0]
 
 
 def chain_of(model, axis):
@@ -176,7 +176,7 @@ def main():
     print(f"islands of 5/6 for a share of {WITH_ISLANDS} at {first['distance']:.6f} m from it\n")
     aims = [("transform", -0.01), ("transform", 0.01), ("distance", -0.02), ("distance", -0.05)]
     words = {"transform": "transform on the axis {:.6f}", "distance": "islands at {:.6f} m"}
-    head = ["wanted", "share of the planar coils: by the map, by tracing", "missed in the field by", "values asked"]
+    head = ["wanted", "share of the planar coils: by the map, by tracing", "missed in the field by", "values and derivatives asked of the map, values of the field"]
     rows = []
     for name, change in aims:
         aim = first[name] + change
