@@ -4,7 +4,7 @@ use super::Pairs;
 use super::request::TOGETHER;
 use crate::error::Error;
 use crate::network::{Rollout, load_groups, store_groups};
-use crate::scalar::{Dual, Kernel, Pack, Scalar, on_independent_lanes};
+use crate::scalar::{Dual, Kernel, Pack, Scalar, WIDTH, on_independent_lanes};
 use rayon::prelude::*;
 
 /// A map that moves several points at once.
@@ -131,6 +131,10 @@ impl<M: LaneMap> Kernel for Orbits<'_, M> {
 
     #[inline(always)]
     fn run<V: Pack>(self) -> Vec<f64> {
+        // Of numbers that are not in registers nothing is gained.
+        if const { V::LANES < WIDTH } {
+            return self.together::<V, 0, 1>();
+        }
         let few = self.initial.len() <= V::LANES * self.map.dim();
         match (self.map.dim(), few) {
             (2, false) => self.together::<V, 2, TOGETHER>(),

@@ -25,7 +25,7 @@
 //! | `long-steps`: exact invariants, long steps, fifteen rivals | [`long_steps`] |
 //! | `family`: one network for several ε and flow times | [`family`] |
 //! | `field-lines`, `jolts`: surfaces and islands over 100,000 turns | [`field_lines`] |
-//! | `coils`, `edge`, `controls`: coils, their edge, Wendelstein 7-X, machines that change, storage rings | [`coils`] |
+//! | `coils`, `edge`, `tokamak`, `controls`: coils, their edge, a tokamak with ripple, Wendelstein 7-X, machines that change, storage rings | [`coils`] |
 //! | `full-orbit`: a charged particle over 10,000 gyrations | [`particle`] |
 //! | `two-modes`: two fast frequencies | [`two_modes`] |
 //! | `dissipative`: a flow with friction | [`dissipation`] |

@@ -45,6 +45,9 @@ impl IslandSearch {
     /// The angle about the centre of an orbit in an island stays within that island: after N maps it has gained as much
     /// as that of the elliptic orbit, up to a turn over the number of islands, which is the period.
     ///
+    /// Source: Cary and Hanson, <https://doi.org/10.1063/1.859829>, for islands around an elliptic orbit; their width
+    /// is to leading order in its residue, this one by following orbits.
+    ///
     /// # Errors
     /// Those of `follow`; [`Error::OutOfRange`] of a reach outside of 0 to 1; [`Error::CountOutOfRange`] of no map;
     /// [`Error::Invalid`] of an orbit that has the centre as a point, [`Error::WrongCount`] of points that are not of

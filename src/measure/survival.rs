@@ -45,6 +45,8 @@ pub fn maps_survived(
 /// The dynamic aperture along rays from the closed orbit: for each direction, the largest of the radii up to which all
 /// points centre + radius·direction stay for `maps` maps; 0 where the first one is lost.
 ///
+/// Source: Todesco and Giovannozzi, <https://doi.org/10.1103/PhysRevE.53.4067>.
+///
 /// # Errors
 /// Those of [`maps_survived`]; when radii do not grow from above 0, or a direction is of other than `dim` numbers.
 pub fn dynamic_aperture(

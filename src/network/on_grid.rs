@@ -7,7 +7,8 @@ use super::step::Kind;
 use crate::error::Error;
 use crate::phase::Direction;
 use crate::scalar::{
-    Floats, Grid, GridNumbers, Integers, Kernel, OnGrid, Pack, Place, Scalar, WIDTH, on_lanes,
+    Floats, Grid, GridNumbers, Integers, Kernel, OnGrid, Pack, Place, Scalar, WIDTH,
+    on_independent_lanes,
 };
 use std::marker::PhantomData;
 
@@ -214,7 +215,7 @@ pub fn grid_rollout(
         macro_rules! run {
             ($Places:ty) => {{
                 let kind = PhantomData::<$Places>;
-                on_lanes::<WIDTH, _>(GridTrajectories {
+                on_independent_lanes(GridTrajectories {
                     map,
                     direction,
                     grid,

@@ -2,12 +2,16 @@
 
 use super::arrays::{Rows, array, points_of};
 use super::interruptible;
+use super::orbits::{self, OrbitMap};
 use crate::error::Error;
 use crate::flow::{LineRequest, LineSection};
 use crate::io::{read_coils, write_section};
+use crate::layer::Reversor;
+use crate::measure::orbits::{SymmetryLine, lyapunov_exponent, smaller_alignment_index};
 use crate::system::Torsatron;
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
 use std::f64::consts::TAU;
 use std::path::PathBuf;
 
@@ -30,6 +34,22 @@ pub(super) struct FieldLines {
 /// The machine that is there without a file.
 fn torsatron() -> Torsatron {
     Torsatron::default()
+}
+
+impl OrbitMap for LineSection {
+    fn dof(&self) -> usize {
+        1
+    }
+    fn on_section(&self) -> bool {
+        true
+    }
+    fn with_jacobian(&self, z: &[f64]) -> Result<(Vec<f64>, Vec<f64>), Error> {
+        let (image, jacobian) = self.map().with_jacobian([z[0], z[1]]);
+        Ok((image.to_vec(), jacobian.concat()))
+    }
+    fn followed(&self, points: &[f64], maps: usize) -> Result<Vec<f64>, Error> {
+        self.map().trajectories(points, maps)
+    }
 }
 
 #[pymethods]
@@ -177,6 +197,57 @@ impl FieldLines {
         let values: Vec<f64> =
             y.iter().flat_map(|y| x.iter().map(|x| density.density(*x, *y))).collect();
         Ok(write_section(&path, &x, &y, &values, density.scale(), &[])?)
+    }
+
+    /// As `Model.periodic_orbits`.
+    #[pyo3(signature = (guesses, period=1, apart=1e-6))]
+    fn periodic_orbits<'py>(
+        &self,
+        py: Python<'py>,
+        guesses: Rows<'py>,
+        period: usize,
+        apart: f64,
+    ) -> PyResult<Bound<'py, PyList>> {
+        orbits::periodic_orbits_of(py, &self.section, &guesses, period, apart)
+    }
+
+    /// As `Model.symmetric_orbits`, with reversor="positions" for a section in a plane of symmetry.
+    #[pyo3(signature = (reversor, low, high, period=1, *, samples=200))]
+    fn symmetric_orbits<'py>(
+        &self,
+        py: Python<'py>,
+        reversor: &str,
+        low: f64,
+        high: f64,
+        period: usize,
+        samples: usize,
+    ) -> PyResult<Bound<'py, PyList>> {
+        let reversor = Reversor::find(reversor)?;
+        let line = SymmetryLine { reversor, from: low, to: high, samples };
+        orbits::symmetric_orbits_of(py, &self.section, line, period)
+    }
+
+    /// As `Model.island`.
+    #[pyo3(signature = (guess, period=1, *, around, reach=0.15))]
+    fn island<'py>(
+        &self,
+        py: Python<'py>,
+        guess: Rows<'py>,
+        period: usize,
+        around: Rows<'py>,
+        reach: f64,
+    ) -> PyResult<Option<Bound<'py, PyDict>>> {
+        orbits::island_of(py, &self.section, &guess, period, &around, reach)
+    }
+
+    /// As `Model.lyapunov_exponent`.
+    fn lyapunov_exponent(&self, py: Python<'_>, point: Rows<'_>, steps: usize) -> PyResult<f64> {
+        orbits::of_orbit(py, &self.section, &point, steps, lyapunov_exponent)
+    }
+
+    /// As `Model.alignment_index`.
+    fn alignment_index(&self, py: Python<'_>, point: Rows<'_>, steps: usize) -> PyResult<f64> {
+        orbits::of_orbit(py, &self.section, &point, steps, smaller_alignment_index)
     }
 
     fn __repr__(&self) -> String {

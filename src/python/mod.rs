@@ -499,7 +499,7 @@ impl Model {
         period: usize,
         apart: f64,
     ) -> PyResult<Bound<'py, PyList>> {
-        orbits::of_model(py, &self.stored, &guesses, period, apart)
+        orbits::periodic_orbits_of(py, &self.stored, &guesses, period, apart)
     }
 
     /// The periodic orbits of exactly `period` steps that begin on the line of symmetry of a reversible map of a plane,
@@ -520,7 +520,7 @@ impl Model {
     ) -> PyResult<Bound<'py, PyList>> {
         let reversor = Reversor::find(reversor)?;
         let line = SymmetryLine { reversor, from: low, to: high, samples };
-        orbits::symmetric_of_model(py, &self.stored, line, period)
+        orbits::symmetric_orbits_of(py, &self.stored, line, period)
     }
 
     /// The island around the elliptic orbit of `period` steps near `guess`, 2 numbers, for a map of a plane, on the ray
@@ -571,7 +571,8 @@ impl Model {
         length: f64,
     ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         let branch = Branch { forward, start, spacing, length };
-        orbits::manifold_of(py, &self.stored, &guess, period, stable, branch)
+        let mover = |direction, z: &mut [f64]| self.stored.map_points(direction, z);
+        orbits::manifold_of(py, (&self.stored, &mover), &guess, period, stable, branch)
     }
 
     /// Measures the structure of the network at seeded points, uniform in |z_i| <= radius in its

@@ -17,13 +17,34 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use std::path::PathBuf;
 
-/// An image in units of the data, with the Jacobian there.
-pub(super) fn with_jacobian(
-    stored: &StoredModel,
-    z: &[f64],
-) -> Result<(Vec<f64>, Vec<f64>), Error> {
-    let image = stored.rollout(z, Rollout { steps: 1, every: 1 })?.split_off(z.len());
-    Ok((image, stored.jacobians(z)?))
+/// A map whose orbits are asked for, of points in units of the data.
+pub(super) trait OrbitMap: Sync {
+    fn dof(&self) -> usize;
+
+    /// Whether points are those of a section, whose canonical position is the second of their numbers.
+    fn on_section(&self) -> bool;
+
+    /// The image of a point, and the Jacobian there.
+    fn with_jacobian(&self, z: &[f64]) -> Result<(Vec<f64>, Vec<f64>), Error>;
+
+    /// The states of orbits after 1, …, `maps` maps.
+    fn followed(&self, points: &[f64], maps: usize) -> Result<Vec<f64>, Error>;
+}
+
+impl OrbitMap for StoredModel {
+    fn dof(&self) -> usize {
+        self.model.composition().dof()
+    }
+    fn on_section(&self) -> bool {
+        self.section.is_some()
+    }
+    fn with_jacobian(&self, z: &[f64]) -> Result<(Vec<f64>, Vec<f64>), Error> {
+        let image = self.rollout(z, Rollout { steps: 1, every: 1 })?.split_off(z.len());
+        Ok((image, self.jacobians(z)?))
+    }
+    fn followed(&self, points: &[f64], maps: usize) -> Result<Vec<f64>, Error> {
+        self.followed(points, maps)
+    }
 }
 
 pub(super) fn as_dict<'py>(py: Python<'py>, orbit: PeriodicOrbit) -> PyResult<Bound<'py, PyDict>> {
@@ -38,20 +59,18 @@ pub(super) fn as_dict<'py>(py: Python<'py>, orbit: PeriodicOrbit) -> PyResult<Bo
 }
 
 /// See `Model.periodic_orbits`.
-pub(super) fn of_model<'py>(
+pub(super) fn periodic_orbits_of<'py>(
     py: Python<'py>,
-    stored: &StoredModel,
+    map: &dyn OrbitMap,
     guesses: &Rows<'_>,
     period: usize,
     apart: f64,
 ) -> PyResult<Bound<'py, PyList>> {
-    let dof = stored.model.composition().dof();
+    let dof = map.dof();
     let guesses = rows_of("guesses", guesses, dof)?;
     let guesses: Vec<Vec<f64>> = guesses.chunks_exact(2 * dof).map(<[f64]>::to_vec).collect();
-    let found = py.detach(|| {
-        let map = |z: &[f64]| with_jacobian(stored, z);
-        periodic_orbits(&map, &guesses, period, apart)
-    })?;
+    let found =
+        py.detach(|| periodic_orbits(&|z: &[f64]| map.with_jacobian(z), &guesses, period, apart))?;
     as_list(py, found)
 }
 
@@ -61,39 +80,38 @@ fn as_list(py: Python<'_>, orbits: Vec<PeriodicOrbit>) -> PyResult<Bound<'_, PyL
 }
 
 /// See `Model.symmetric_orbits`.
-pub(super) fn symmetric_of_model<'py>(
+pub(super) fn symmetric_orbits_of<'py>(
     py: Python<'py>,
-    stored: &StoredModel,
+    map: &dyn OrbitMap,
     line: SymmetryLine,
     period: usize,
 ) -> PyResult<Bound<'py, PyList>> {
-    of_a_plane(stored)?;
-    // The canonical q of a section is its y, the second column of the data.
-    let reversor = match (line.reversor, &stored.section) {
-        (Reversor::Positions, Some(_)) => Reversor::Momenta,
-        (Reversor::Momenta, Some(_)) => Reversor::Positions,
-        (reversor, None) => reversor,
+    of_a_plane(map)?;
+    let reversor = match (line.reversor, map.on_section()) {
+        (Reversor::Positions, true) => Reversor::Momenta,
+        (Reversor::Momenta, true) => Reversor::Positions,
+        (reversor, false) => reversor,
     };
     let line = SymmetryLine { reversor, ..line };
-    let map = |z: &[f64]| with_jacobian(stored, z);
-    let found = py.detach(|| symmetric_periodic_orbits(&map, &line, period))?;
+    let found =
+        py.detach(|| symmetric_periodic_orbits(&|z: &[f64]| map.with_jacobian(z), &line, period))?;
     as_list(py, found)
 }
 
 /// See `Model.island`.
 pub(super) fn island_of<'py>(
     py: Python<'py>,
-    stored: &StoredModel,
+    map: &dyn OrbitMap,
     guess: &Rows<'_>,
     period: usize,
     around: &Rows<'_>,
     reach: f64,
 ) -> PyResult<Option<Bound<'py, PyDict>>> {
-    of_a_plane(stored)?;
+    of_a_plane(map)?;
     let (guess, around) = (point_of("guess", guess, 1)?, point_of("around", around, 1)?);
     let found = py.detach(|| {
-        let orbit = periodic_orbit(&|z: &[f64]| with_jacobian(stored, z), &guess, period)?;
-        let follow = |points: &[f64], steps: usize| stored.followed(points, steps);
+        let orbit = periodic_orbit(&|z: &[f64]| map.with_jacobian(z), &guess, period)?;
+        let follow = |points: &[f64], maps: usize| map.followed(points, maps);
         IslandSearch::of_orbit(&orbit, ([around[0], around[1]], reach), &follow)
     })?;
     let Some(island) = found else { return Ok(None) };
@@ -106,8 +124,8 @@ pub(super) fn island_of<'py>(
 }
 
 /// Fails of a map of more than a plane.
-fn of_a_plane(stored: &StoredModel) -> Result<(), Error> {
-    Error::check_count("coordinates of a plane", 2, 2 * stored.model.composition().dof())
+fn of_a_plane(map: &dyn OrbitMap) -> Result<(), Error> {
+    Error::check_count("coordinates of a plane", 2, 2 * map.dof())
 }
 
 /// What is asked of one orbit of a map with its Jacobian.
@@ -116,28 +134,31 @@ type OfOrbit = fn(WithJacobian<'_>, &[f64], usize) -> Result<f64, Error>;
 /// See `Model.lyapunov_exponent` and `Model.alignment_index`.
 pub(super) fn of_orbit(
     py: Python<'_>,
-    stored: &StoredModel,
+    map: &dyn OrbitMap,
     point: &Rows<'_>,
     steps: usize,
     of: OfOrbit,
 ) -> PyResult<f64> {
-    let point = point_of("point", point, stored.model.composition().dof())?;
-    Ok(py.detach(|| of(&|z: &[f64]| with_jacobian(stored, z), &point, steps))?)
+    let point = point_of("point", point, map.dof())?;
+    Ok(py.detach(|| of(&|z: &[f64]| map.with_jacobian(z), &point, steps))?)
 }
+
+/// What moves points of the data to their images or preimages.
+type Mover<'a> = &'a (dyn Fn(Direction, &mut [f64]) -> Result<(), Error> + Sync);
 
 /// See `Model.manifold`.
 pub(super) fn manifold_of<'py>(
     py: Python<'py>,
-    stored: &StoredModel,
+    (map, mover): (&dyn OrbitMap, Mover<'_>),
     guess: &Rows<'_>,
     period: usize,
     stable: bool,
     branch: Branch,
 ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-    let guess = point_of("point", guess, stored.model.composition().dof())?;
+    let guess = point_of("point", guess, map.dof())?;
     Error::check_count("guess: numbers", 2, guess.len())?;
     let points = py.detach(|| {
-        let mut orbit = periodic_orbit(&|z: &[f64]| with_jacobian(stored, z), &guess, period)?;
+        let mut orbit = periodic_orbit(&|z: &[f64]| map.with_jacobian(z), &guess, period)?;
         let direction = if stable { Direction::Inverse } else { Direction::Forward };
         if stable {
             // The inverse goes round the other way, with the inverse of M, whose determinant is 1.
@@ -145,7 +166,7 @@ pub(super) fn manifold_of<'py>(
             let [a, b, c, d] = [0, 1, 2, 3].map(|k| orbit.multiplier_matrix[k]);
             orbit.multiplier_matrix = vec![d, -b, -c, a];
         }
-        manifold(&|z: &mut [f64]| stored.map_points(direction, z), &orbit, branch)
+        manifold(&|z: &mut [f64]| mover(direction, z), &orbit, branch)
     })?;
     let count = points.len() / 2;
     array(py, points, vec![count, 2])

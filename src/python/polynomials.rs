@@ -1,6 +1,7 @@
 //! Symplectic polynomials in Python.
 
 use super::arrays::{Points, Rows, array, dof_of, points_of, rows_of};
+use super::orbits::{self, OrbitMap};
 use super::outside::{Outside, box_of, survived};
 use super::trained::warn;
 use super::{PyCertificate, by_parts, interruptible};
@@ -9,11 +10,15 @@ use crate::flow::{Pairs, PolynomialOnSection, Symmetries};
 use crate::io::{Provenance, StoredPolynomial, load_polynomial, read_section, save_polynomial};
 use crate::layer::Reversor;
 use crate::measure::certificate::{CertificateOptions, certify_polynomial};
-use crate::measure::orbits::maps_survived;
+use crate::measure::orbits::{
+    Branch, SymmetryLine, lyapunov_exponent, maps_survived, smaller_alignment_index,
+};
 use crate::network::Rollout;
+use crate::phase::Direction;
 use crate::train::{Control, PolynomialFit, PolynomialTrial};
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
 use std::path::PathBuf;
 
 /// A symplectic map whose generating function is a polynomial of total degree `degree`, fitted to pairs by linear
@@ -54,6 +59,21 @@ impl PySymplecticPolynomial {
         let points = points_of("points", points, self.dof)?;
         self.map.check_points("points", &points.values)?;
         Ok(points)
+    }
+}
+
+impl OrbitMap for PolynomialOnSection {
+    fn dof(&self) -> usize {
+        self.map().dof()
+    }
+    fn on_section(&self) -> bool {
+        self.has_section()
+    }
+    fn with_jacobian(&self, z: &[f64]) -> Result<(Vec<f64>, Vec<f64>), Error> {
+        Ok(self.with_jacobian(z))
+    }
+    fn followed(&self, points: &[f64], maps: usize) -> Result<Vec<f64>, Error> {
+        Ok(self.rollout(points, Rollout { steps: maps, every: 1 })?.split_off(points.len()))
     }
 }
 
@@ -222,13 +242,89 @@ impl PySymplecticPolynomial {
         let points = self.points(&points)?;
         let region = box_of([low, high], Some(self.map.region()), self.dof)?;
         survived(py, &points, steps, || {
-            let follow = |starts: &[f64], maps: usize| {
-                let request = Rollout { steps: maps, every: 1 };
-                Ok(self.map.rollout(starts, request)?.split_off(starts.len()))
-            };
+            let follow = |starts: &[f64], maps: usize| self.map.followed(starts, maps);
             let stays = |z: &[f64]| region.first_outside(z).is_none();
             maps_survived(&follow, &points.values, 2 * self.dof, steps, &stays)
         })
+    }
+
+    /// As `Model.periodic_orbits`.
+    #[pyo3(signature = (guesses, period=1, apart=1e-6))]
+    fn periodic_orbits<'py>(
+        &self,
+        py: Python<'py>,
+        guesses: Rows<'py>,
+        period: usize,
+        apart: f64,
+    ) -> PyResult<Bound<'py, PyList>> {
+        orbits::periodic_orbits_of(py, &self.map, &guesses, period, apart)
+    }
+
+    /// As `Model.symmetric_orbits`.
+    #[pyo3(signature = (reversor, low, high, period=1, *, samples=200))]
+    fn symmetric_orbits<'py>(
+        &self,
+        py: Python<'py>,
+        reversor: &str,
+        low: f64,
+        high: f64,
+        period: usize,
+        samples: usize,
+    ) -> PyResult<Bound<'py, PyList>> {
+        let reversor = Reversor::find(reversor)?;
+        let line = SymmetryLine { reversor, from: low, to: high, samples };
+        orbits::symmetric_orbits_of(py, &self.map, line, period)
+    }
+
+    /// As `Model.island`.
+    #[pyo3(signature = (guess, period=1, *, around, reach=0.15))]
+    fn island<'py>(
+        &self,
+        py: Python<'py>,
+        guess: Rows<'py>,
+        period: usize,
+        around: Rows<'py>,
+        reach: f64,
+    ) -> PyResult<Option<Bound<'py, PyDict>>> {
+        orbits::island_of(py, &self.map, &guess, period, &around, reach)
+    }
+
+    /// As `Model.lyapunov_exponent`.
+    fn lyapunov_exponent(&self, py: Python<'_>, point: Rows<'_>, steps: usize) -> PyResult<f64> {
+        orbits::of_orbit(py, &self.map, &point, steps, lyapunov_exponent)
+    }
+
+    /// As `Model.alignment_index`.
+    fn alignment_index(&self, py: Python<'_>, point: Rows<'_>, steps: usize) -> PyResult<f64> {
+        orbits::of_orbit(py, &self.map, &point, steps, smaller_alignment_index)
+    }
+
+    /// As `Model.manifold`.
+    #[pyo3(signature = (guess, period=1, *, stable=false, forward=true, start=1e-6, spacing=1e-2, length=1.0))]
+    #[allow(clippy::too_many_arguments, reason = "keywords of Python")]
+    fn manifold<'py>(
+        &self,
+        py: Python<'py>,
+        guess: Rows<'py>,
+        period: usize,
+        stable: bool,
+        forward: bool,
+        start: f64,
+        spacing: f64,
+        length: f64,
+    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        let branch = Branch { forward, start, spacing, length };
+        let back = self.map.inverted();
+        let mover = |direction, z: &mut [f64]| {
+            let map = match direction {
+                Direction::Forward => &self.map,
+                Direction::Inverse => &back,
+            };
+            let image = map.rollout(z, Rollout { steps: 1, every: 1 })?;
+            z.copy_from_slice(&image[z.len()..]);
+            Ok(())
+        };
+        orbits::manifold_of(py, (&self.map, &mover), &guess, period, stable, branch)
     }
 
     fn __repr__(&self) -> String {

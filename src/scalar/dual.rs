@@ -78,6 +78,59 @@ impl<S: Scalar, const N: usize> Dual<S, N> {
     }
 }
 
+/// From so many derivatives on an operation is a function of its own: a step of a layer has hundreds of them, and takes
+/// minutes to compile with all of them in it. Jacobians that are in a hurry have fewer.
+const MANY: usize = 8;
+
+/// An operation of two duals: in its place, and as a function of its own.
+macro_rules! operator {
+    ($Trait:ident, $operation:ident, $apart:ident, |$x:ident, $y:ident| $body:expr) => {
+        impl<S: Scalar, const N: usize> $Trait for Dual<S, N> {
+            type Output = Self;
+            #[inline(always)]
+            fn $operation(self, other: Self) -> Self {
+                if const { N >= MANY } {
+                    return $apart(self, other);
+                }
+                let ($x, $y) = (self, other);
+                $body
+            }
+        }
+
+        #[inline(never)]
+        fn $apart<S: Scalar, const N: usize>($x: Dual<S, N>, $y: Dual<S, N>) -> Dual<S, N> {
+            $body
+        }
+    };
+}
+
+operator!(Add, add, add_apart, |x, y| x.zip(y, x.re + y.re, |a, b| a + b));
+operator!(Sub, sub, sub_apart, |x, y| x.zip(y, x.re - y.re, |a, b| a - b));
+operator!(Mul, mul, mul_apart, |x, y| x.zip(y, x.re * y.re, |a, b| a.mul_add(y.re, x.re * b)));
+operator!(Div, div, div_apart, |x, y| {
+    let quotient = x.re / y.re;
+    x.zip(y, quotient, |a, b| (-quotient).mul_add(b, a) / y.re)
+});
+
+/// x·y + z.
+#[inline(always)]
+fn fused<S: Scalar, const N: usize>(x: Dual<S, N>, y: Dual<S, N>, z: Dual<S, N>) -> Dual<S, N> {
+    let mut eps = z.eps;
+    for k in 0..N {
+        eps[k] = x.eps[k].mul_add(y.re, x.re.mul_add(y.eps[k], eps[k]));
+    }
+    Dual { re: x.re.mul_add(y.re, z.re), eps }
+}
+
+#[inline(never)]
+fn fused_apart<S: Scalar, const N: usize>(
+    x: Dual<S, N>,
+    y: Dual<S, N>,
+    z: Dual<S, N>,
+) -> Dual<S, N> {
+    fused(x, y, z)
+}
+
 impl<S: Scalar, const N: usize> Neg for Dual<S, N> {
     type Output = Self;
     #[inline(always)]
@@ -90,39 +143,6 @@ impl<S: Scalar, const N: usize> Neg for Dual<S, N> {
     }
 }
 
-impl<S: Scalar, const N: usize> Add for Dual<S, N> {
-    type Output = Self;
-    #[inline(always)]
-    fn add(self, other: Self) -> Self {
-        self.zip(other, self.re + other.re, |a, b| a + b)
-    }
-}
-
-impl<S: Scalar, const N: usize> Sub for Dual<S, N> {
-    type Output = Self;
-    #[inline(always)]
-    fn sub(self, other: Self) -> Self {
-        self.zip(other, self.re - other.re, |a, b| a - b)
-    }
-}
-
-impl<S: Scalar, const N: usize> Mul for Dual<S, N> {
-    type Output = Self;
-    #[inline(always)]
-    fn mul(self, other: Self) -> Self {
-        self.zip(other, self.re * other.re, |a, b| a.mul_add(other.re, self.re * b))
-    }
-}
-
-impl<S: Scalar, const N: usize> Div for Dual<S, N> {
-    type Output = Self;
-    #[inline(always)]
-    fn div(self, other: Self) -> Self {
-        let quotient = self.re / other.re;
-        self.zip(other, quotient, |a, b| (-quotient).mul_add(b, a) / other.re)
-    }
-}
-
 impl<S: Scalar, const N: usize> Scalar for Dual<S, N> {
     #[inline(always)]
     fn from_f64(value: f64) -> Self {
@@ -130,11 +150,10 @@ impl<S: Scalar, const N: usize> Scalar for Dual<S, N> {
     }
     #[inline(always)]
     fn mul_add(self, a: Self, b: Self) -> Self {
-        let mut eps = b.eps;
-        for k in 0..N {
-            eps[k] = self.eps[k].mul_add(a.re, self.re.mul_add(a.eps[k], eps[k]));
+        if const { N >= MANY } {
+            return fused_apart(self, a, b);
         }
-        Self { re: self.re.mul_add(a.re, b.re), eps }
+        fused(self, a, b)
     }
     #[inline(always)]
     fn outlined(task: impl Task) {

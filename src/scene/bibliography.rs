@@ -201,6 +201,19 @@ pub(super) const BIRKHOFF_AVERAGES: &str = "@article{DasSaikiSanderYorke2017,
 }
 ";
 
+/// Invariant curves as Fourier series.
+pub(super) const INVARIANT_CURVES: &str = "@article{Jorba2001,
+  author = {Jorba, {\\`A}ngel},
+  title = {Numerical computation of the normal behaviour of invariant curves of n-dimensional maps},
+  journal = {Nonlinearity},
+  volume = {14},
+  number = {5},
+  pages = {943--976},
+  year = {2001},
+  doi = {10.1088/0951-7715/14/5/303}
+}
+";
+
 /// Frequency maps.
 pub(super) const FREQUENCY_MAPS: &str = "@article{Laskar1990,
   author = {Laskar, Jacques},

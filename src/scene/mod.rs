@@ -89,6 +89,7 @@ pub use study::training::stop_words;
 #[doc(hidden)]
 pub mod internals {
     pub use super::command::{command, verdict};
+    pub use super::render::svg::draw;
     pub use super::study::claims::{
         REPRODUCED, as_a_series, change, faster_than_integrators, ranked,
     };

@@ -22,7 +22,7 @@ pub use van_der_pol::VanDerPol;
 
 use crate::error::Error;
 use crate::layer::{CircleAction, TorusAction};
-use crate::scalar::{Dual, Elementary, max_or_nan};
+use crate::scalar::{Dual, Elementary, Task, max_or_nan};
 use serde::{Deserialize, Serialize};
 
 /// A Hamiltonian system on ℝ²ⁿ with the canonical form, defined by its energy alone. Friction and other forces that
@@ -361,6 +361,21 @@ impl System {
     }
 }
 
+/// Of one system, at a point.
+struct VectorField<'a, H, S> {
+    system: &'a H,
+    z: &'a [S],
+    time: f64,
+    out: &'a mut [S],
+}
+
+impl<H: Hamiltonian, S: Elementary> Task for VectorField<'_, H, S> {
+    #[inline(always)]
+    fn run(self) {
+        self.system.vector_field(self.z, self.time, self.out);
+    }
+}
+
 impl Hamiltonian for System {
     fn dof(&self) -> usize {
         each_system!(self, s => s.dof())
@@ -372,9 +387,10 @@ impl Hamiltonian for System {
     fn add_dissipation<S: Elementary>(&self, z: &[S], time: f64, out: &mut [S]) {
         each_system!(self, s => s.add_dissipation(z, time, out))
     }
+    /// A function of its own for each system, so that what goes on with any of them is not compiled around all of them.
     #[inline(always)]
     fn vector_field<S: Elementary>(&self, z: &[S], time: f64, out: &mut [S]) {
-        each_system!(self, s => s.vector_field(z, time, out))
+        each_system!(self, system => S::outlined(VectorField { system, z, time, out }))
     }
     fn period(&self) -> Option<f64> {
         each_system!(self, s => s.period())

@@ -156,6 +156,11 @@ fn a_scene_of_coils_is_run_and_its_model_predicts_lines() {
     };
     let [whole, even] = ["symplectic polynomial of degree 8", "reversible polynomial of degree 9"];
     assert!((numbers(whole), numbers(even)) == (44, 29), "{found}");
+    // Planes are followed too, lines in the field of the coils are not.
+    let [first, last] = off("planes of degree 6, 8 steps");
+    assert!(first > 0.0 && last > 0.0 && last < 1e-2, "{first} {last}");
+    let coils = methods.iter().find(|one| one["name"] == "coils, 8 steps").expect("a method");
+    assert_eq!(coils["off"].as_array().map(Vec::len), Some(0), "{coils}");
     // What the reference is known to stands beside it.
     assert!(error("planes of degree 6, 8 steps") > error("coils, 16 steps"), "{found}");
     for figure in ["poincare.svg", "rotation.csv", "off-surface.svg", "edge.svg", "manifolds.csv"] {

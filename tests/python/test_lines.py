@@ -124,6 +124,12 @@ def test_manifolds_and_chaos_of_a_model():
     assert 0 <= model.alignment_index(fixed, 40) < 1e-12
     with pytest.raises(gyroceptron.Error, match="residue"):
         model.manifold([np.pi, 0.0], **short)
+    polynomial = gyroceptron.SymplecticPolynomial(before, after, 11)
+    for stable in (False, True):
+        end = polynomial.manifold([0.01, 0.0], stable=stable, **short)[-1]
+        for _ in range(14):
+            end = polynomial.predict(end)[-1] if stable else polynomial.inverse(end)
+        assert np.abs(end).max() < 1e-3
 
 
 def kicked(points, strength=1.06):
@@ -163,6 +169,11 @@ def test_islands_of_a_model_are_as_wide_as_those_of_the_map():
     assert island["width"] == pytest.approx(inside[-1] - inside[0], rel=0.03)
     assert abs(island["angle"]) == pytest.approx(np.pi / 2, abs=1e-9)
     assert model.island([0.0, 0.0], around=[0.0, -0.1]) is None
+    # A polynomial of no training has them too.
+    polynomial = gyroceptron.SymplecticPolynomial(points, kicked(points), 14, "positions")
+    (orbit,) = polynomial.symmetric_orbits("positions", 0.5, 1.0, 6)
+    found = polynomial.island(orbit["points"][0], 6, around=[0.0, 0.0])
+    assert found["width"] == pytest.approx(inside[-1] - inside[0], rel=0.03)
 
 
 def torsatron():
@@ -238,6 +249,18 @@ def test_a_symplectic_polynomial_is_fitted_in_the_chart_of_a_section(lines, tmp_
     ends = [own.predict(start[3] + [step, 0])[-1] for step in (h, -h)]
     assert np.abs((ends[0] - ends[1]) / (2 * h) - own.jacobian(start[3])[:, 0]).max() < 1e-7
     assert np.abs(own.jacobian(start[3]) - lines.jacobian(start[3])).max() < 1e-3
+    # The axis is a fixed point of the field, and of the polynomials, on the midplane of the even one.
+    ((axis,), (of_own,)) = (one.periodic_orbits([lines.axis]) for one in (lines, own))
+    (of_even,) = even.symmetric_orbits("positions", lines.axis[0] - 0.03, lines.axis[0] + 0.03, samples=31)
+    assert np.abs(axis["points"] - lines.axis).max() < 1e-6
+    for one in (of_own, of_even):
+        assert np.abs(one["points"] - axis["points"]).max() < 1e-5
+        assert abs(one["trace"] - axis["trace"]) < 1e-3
+    (found,) = lines.symmetric_orbits("positions", lines.axis[0] - 0.02, lines.axis[0] + 0.02, samples=5)
+    assert np.abs(found["points"] - axis["points"]).max() < 1e-6
+    assert abs(lines.lyapunov_exponent(start[3], 60) - own.lyapunov_exponent(start[3], 60)) < 1e-3
+    assert lines.alignment_index(start[3], 60) == pytest.approx(own.alignment_index(start[3], 60), rel=0.05)
+    assert lines.island(lines.axis, around=[lines.axis[0], 0.01]) is None
     path = tmp_path / "map.json"
     even.save(path)
     back = gyroceptron.SymplecticPolynomial.load(path)

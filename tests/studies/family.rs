@@ -96,8 +96,8 @@ fn a_family_is_judged_where_it_was_seen_and_where_not() {
     assert!(folder.path().join("family.svg").exists());
 }
 
-/// Three minutes in a release build: `cargo test --release --test studies learnt_invariants --
-/// --ignored --nocapture` prints the numbers.
+/// Medians of five initial weights. Half an hour in a release build: `cargo test --release --test studies
+/// learnt_invariants -- --ignored --nocapture` prints the numbers.
 #[test]
 #[ignore = "takes minutes: run it with --ignored"]
 fn learnt_invariants_are_of_second_order() {
@@ -126,8 +126,8 @@ fn learnt_invariants_are_of_second_order() {
     assert!(leading >= 50.0 * learnt, "{leading} {learnt}");
 }
 
-/// Two minutes in a release build: `cargo test --release --test studies no_sum -- --ignored --nocapture`
-/// prints the errors.
+/// Medians of five initial weights. Twenty minutes in a release build: `cargo test --release --test studies no_sum --
+/// --ignored --nocapture` prints the errors.
 #[test]
 #[ignore = "takes minutes: run it with --ignored"]
 fn averages_that_are_no_sum_are_learnt_by_turned_twists() {
@@ -141,9 +141,8 @@ fn averages_that_are_no_sum_are_learnt_by_turned_twists() {
         let (epsilon, time, gain) = (of("epsilon"), of("flow_time"), error(1) / error(0));
         println!("ε = {epsilon}, time {time}: turned {:.1e}, rms, {gain:.1} times less", error(0));
         // Of those that were learnt, steps that are not long beside the slow motion.
-        if epsilon * time <= 0.2 && epsilon > 0.005 {
-            assert!(gain >= 10.0, "{gain}");
-        }
+        let short = epsilon * time <= 0.1 && map["seen"] == true;
+        assert!(gain >= if short { 10.0 } else { 4.0 }, "{gain}");
     }
     assert!(maps.len() == 20);
 }

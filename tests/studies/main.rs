@@ -4,6 +4,7 @@ mod actions;
 mod claims;
 mod dissipation;
 mod family;
+mod figures;
 mod frequency_map;
 mod helpers;
 mod invariants;

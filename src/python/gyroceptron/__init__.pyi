@@ -312,6 +312,34 @@ class SymplecticPolynomial:
         """The preimages of points (..., 2n)."""
     def jacobian(self, points: ArrayLike) -> NDArray[np.float64]:
         """The Jacobians at points (..., 2n): (..., 2n, 2n)."""
+    def periodic_orbits(
+        self, guesses: ArrayLike, period: int = 1, apart: float = 1e-6
+    ) -> list[_PeriodicOrbit]:
+        """As `Model.periodic_orbits`."""
+    def symmetric_orbits(
+        self, reversor: str, low: float, high: float, period: int = 1, *, samples: int = 200
+    ) -> list[_PeriodicOrbit]:
+        """As `Model.symmetric_orbits`."""
+    def island(
+        self, guess: ArrayLike, period: int = 1, *, around: ArrayLike, reach: float = 0.15
+    ) -> dict[str, float] | None:
+        """As `Model.island`."""
+    def lyapunov_exponent(self, point: ArrayLike, steps: int) -> float:
+        """As `Model.lyapunov_exponent`."""
+    def alignment_index(self, point: ArrayLike, steps: int) -> float:
+        """As `Model.alignment_index`."""
+    def manifold(
+        self,
+        guess: ArrayLike,
+        period: int = 1,
+        *,
+        stable: bool = False,
+        forward: bool = True,
+        start: float = 1e-6,
+        spacing: float = 1e-2,
+        length: float = 1.0,
+    ) -> NDArray[np.float64]:
+        """As `Model.manifold`."""
     def verify(self, samples: int = 200, seed: int = 0) -> Certificate:
         """Tests the structure of the map in the middle of the box of its pairs."""
     def survival(
@@ -356,6 +384,22 @@ class FieldLines:
         """The Jacobians of a map at points (..., 2): (..., 2, 2)."""
     def density(self, points: ArrayLike) -> NDArray[np.float64]:
         """The toroidal field |B_phi| at points (..., 2), in tesla: (...)."""
+    def periodic_orbits(
+        self, guesses: ArrayLike, period: int = 1, apart: float = 1e-6
+    ) -> list[_PeriodicOrbit]:
+        """As `Model.periodic_orbits`."""
+    def symmetric_orbits(
+        self, reversor: str, low: float, high: float, period: int = 1, *, samples: int = 200
+    ) -> list[_PeriodicOrbit]:
+        """As `Model.symmetric_orbits`."""
+    def island(
+        self, guess: ArrayLike, period: int = 1, *, around: ArrayLike, reach: float = 0.15
+    ) -> dict[str, float] | None:
+        """As `Model.island`."""
+    def lyapunov_exponent(self, point: ArrayLike, steps: int) -> float:
+        """As `Model.lyapunov_exponent`."""
+    def alignment_index(self, point: ArrayLike, steps: int) -> float:
+        """As `Model.alignment_index`."""
     def write_section(
         self, path: str | PathLike[str], points: ArrayLike, overwrite: bool = False
     ) -> None:

@@ -28,6 +28,10 @@ const COLORS: [RGBColor; 10] = [
 
 /// At most so many points of a series are drawn.
 const MOST_POINTS: usize = 2000;
+/// At most so many points of a line have marks.
+const MOST_MARKS: usize = 32;
+/// How many forms of marks there are.
+const FORMS: usize = 8;
 
 /// Pixels of a panel.
 const WIDTH: u32 = 560;
@@ -152,7 +156,16 @@ fn draw_names(strip: &Area<'_>, names: &[Name<'_>]) -> Drawn {
             }
             Style::Dots => strip.draw(&Circle::new((15, y), 3, color.filled()))?,
             Style::Marked => {
-                strip.draw(&PathElement::new(line, color.mix(0.7).stroke_width(1)))?;
+                let style = color.mix(0.7).stroke_width(1);
+                match Dashes::of(name.color) {
+                    Dashes::None => strip.draw(&PathElement::new(line, style))?,
+                    Dashes::Of(drawn, between) => {
+                        for from in (4..26).step_by((drawn + between) as usize) {
+                            let dash = vec![(from, y), ((from + drawn).min(26), y)];
+                            strip.draw(&PathElement::new(dash, style))?;
+                        }
+                    }
+                }
                 mark(strip, name.color, (15, y))?;
             }
         }
@@ -167,15 +180,48 @@ fn color(number: usize) -> RGBColor {
     COLORS[number % COLORS.len()]
 }
 
-/// The mark of a colour: its form distinguishes it in print without colours.
+/// The mark of a number: its form, and the [dashes](Dashes) of the line through it, distinguish series in print without
+/// colours.
 fn mark(strip: &Area<'_>, number: usize, at: (i32, i32)) -> Drawn {
-    let color = color(number).filled();
-    match number % 3 {
-        0 => strip.draw(&Circle::new(at, 3, color))?,
-        1 => strip.draw(&TriangleMarker::new(at, 5, color))?,
-        _ => strip.draw(&Cross::new(at, 4, color.stroke_width(2)))?,
+    let (paint, (x, y)) = (color(number), at);
+    let [full, outline] = [paint.filled(), paint.stroke_width(1)];
+    let square = |half: i32| [(x - half, y - half), (x + half, y + half)];
+    match number % FORMS {
+        0 => strip.draw(&Circle::new(at, 3, full))?,
+        1 => strip.draw(&TriangleMarker::new(at, 5, full))?,
+        2 => strip.draw(&Cross::new(at, 4, paint.stroke_width(2)))?,
+        3 => strip.draw(&Circle::new(at, 4, outline))?,
+        4 => strip.draw(&Rectangle::new(square(3), full))?,
+        5 => {
+            for ends in [[(x - 5, y), (x + 5, y)], [(x, y - 5), (x, y + 5)]] {
+                strip.draw(&PathElement::new(ends, paint.stroke_width(2)))?;
+            }
+        }
+        6 => strip.draw(&Rectangle::new(square(4), outline))?,
+        _ => {
+            let corners = [(x, y - 5), (x + 5, y), (x, y + 5), (x - 5, y), (x, y - 5)];
+            strip.draw(&PathElement::new(corners, outline))?;
+        }
     }
     Ok(())
+}
+
+/// The line through the marks of a series: one kind for all forms of marks, then the next.
+#[derive(Clone, Copy)]
+enum Dashes {
+    None,
+    /// Pixels that are drawn, and between them.
+    Of(i32, i32),
+}
+
+impl Dashes {
+    fn of(number: usize) -> Self {
+        match number / FORMS % 3 {
+            0 => Self::None,
+            1 => Self::Of(7, 4),
+            _ => Self::Of(2, 4),
+        }
+    }
 }
 
 /// The range of an axis, in powers of ten where it is logarithmic, and its ticks.
@@ -407,9 +453,16 @@ fn draw_panel(
                 chart.draw_series(points.map(|point| Circle::new(point, 1, paint.filled())))?;
             }
             Style::Marked => {
-                let line = LineSeries::new(points.clone(), paint.mix(0.7).stroke_width(1));
-                chart.draw_series(line)?;
-                for point in points {
+                let style = paint.mix(0.7).stroke_width(1);
+                match Dashes::of(series.color) {
+                    Dashes::None => chart.draw_series(LineSeries::new(points.clone(), style))?,
+                    Dashes::Of(drawn, between) => {
+                        let line = DashedLineSeries::new(points.clone(), drawn, between, style);
+                        chart.draw_series(line)?
+                    }
+                };
+                let apart = points.len().div_ceil(MOST_MARKS).max(1);
+                for point in points.step_by(apart) {
                     let at = chart.as_coord_spec().translate(&point);
                     let origin = area.get_pixel_range();
                     mark(area, series.color, (at.0 - origin.0.start, at.1 - origin.1.start))?;

@@ -3,7 +3,7 @@
 use super::line_edge::{EDGE, EdgeOptions, MANIFOLDS, edge_of};
 use super::rollout::orbit_color;
 use super::section_maps::{
-    Chain, Judge, Judged, NamedMap, OrbitFound, Resonance, SURE, SectionMap,
+    Chain, Judge, Judged, MOST_MAPS_OF_PLANES, NamedMap, OrbitFound, Resonance, SURE, SectionMap,
 };
 use super::shared::{Study, finite};
 use super::work_precision::MOST_ROUNDS;
@@ -20,8 +20,8 @@ use crate::measure::{
 use crate::network::Rollout;
 use crate::scalar::max_or_nan;
 use crate::scene::bibliography::{
-    ALIGNMENT, BIRKHOFF_AVERAGES, EXPONENTS, MANIFOLDS_OF_MAPS, MAP_METHODS, RESIDUES,
-    SYMPLECTIC_MAPS,
+    ALIGNMENT, BIRKHOFF_AVERAGES, EXPONENTS, INVARIANT_CURVES, MANIFOLDS_OF_MAPS, MAP_METHODS,
+    RESIDUES, SYMPLECTIC_MAPS,
 };
 use crate::scene::context::{Context, LINES, RunError};
 use crate::scene::declared::Declared;
@@ -59,8 +59,8 @@ pub struct PoincareOptions {
     /// which takes long.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reference_planes: Option<Planes>,
-    /// Numbers of maps, ascending. Before each, the distances of points of networks and polynomials from the curves of
-    /// the reference are measured.
+    /// Numbers of maps, ascending. Before each, the distances of points of networks, polynomials and, up to 10,000 maps,
+    /// planes from the curves of the reference are measured.
     pub counts: Vec<usize>,
     /// The number of such points of each line.
     pub last: usize,
@@ -215,7 +215,7 @@ impl Study for PoincareOptions {
 
     fn cites(&self, _: &Declared<'_>) -> Vec<&'static str> {
         let mut cited = Vec::from_iter(Integrator::DormandPrince8.bibtex());
-        cited.extend([MAP_METHODS, BIRKHOFF_AVERAGES, RESIDUES]);
+        cited.extend([MAP_METHODS, BIRKHOFF_AVERAGES, INVARIANT_CURVES, RESIDUES]);
         cited.extend(self.symplectic().next().map(|_| SYMPLECTIC_MAPS));
         if let Some(edge) = &self.edge {
             cited.extend([EXPONENTS, ALIGNMENT]);
@@ -367,7 +367,7 @@ impl Study for PoincareOptions {
         let mut summary = vec![
             Block::Text(results.words()),
             Block::Table(results.table()),
-            Block::Text("The furthest of all lines from its curve:".into()),
+            Block::Text(results.words_of_surfaces()),
             Block::Table(results.off()),
             Block::Text(fixed.words(&lines)),
             Block::Table(fixed.table()),
@@ -706,6 +706,11 @@ fn from_outermost(orbit: &OrbitFound, axis: [f64; 2]) -> Vec<Vec<f64>> {
     points
 }
 
+/// The colour of a method, in all figures; the reference has number 0.
+fn color_of(method: usize) -> usize {
+    method + 1
+}
+
 /// The radii and rotation of the reference and the others: the profile, and by how much it differs.
 fn rotation_figure(lines: &TracedLines, judge: &Judge<'_>, found: &[Judged]) -> Figure {
     let per_turn = lines.maps_a_turn();
@@ -715,9 +720,8 @@ fn rotation_figure(lines: &TracedLines, judge: &Judge<'_>, found: &[Judged]) -> 
     let mut profile =
         vec![Series { name: "reference".into(), color: 0, style: Style::Line, points: own }];
     let mut errors = Vec::new();
-    let judged = found.iter().filter(|one| !one.rotation.is_empty());
-    for (number, one) in judged.enumerate() {
-        let color = number + 1;
+    for (number, one) in found.iter().enumerate().filter(|(_, one)| !one.rotation.is_empty()) {
+        let color = color_of(number);
         if one.setting.is_none() {
             let points = radii().zip(&one.rotation).map(|(r, f)| (r, f.turns.abs() * per_turn));
             profile.push(Series {
@@ -730,7 +734,7 @@ fn rotation_figure(lines: &TracedLines, judge: &Judge<'_>, found: &[Judged]) -> 
         let pairs = radii().zip(one.rotation.iter().zip(&judge.rotation));
         let points = pairs.filter(|(_, (_, own))| own.error <= SURE);
         let points = points.map(|(r, (a, b))| (r, (a.turns - b.turns).abs() * per_turn)).collect();
-        errors.push(Series { name: one.name.clone(), color, style: Style::Line, points });
+        errors.push(Series { name: one.name.clone(), color, style: Style::Marked, points });
     }
     let x_label = "distance from the axis at the start [m]";
     let sure = judge.rotation.iter().zip(&judge.flux_of_profile);
@@ -767,10 +771,11 @@ fn rotation_figure(lines: &TracedLines, judge: &Judge<'_>, found: &[Judged]) -> 
 }
 
 fn surfaces_figure(found: &[Judged]) -> Figure {
-    let series = found.iter().filter(|one| !one.off.is_empty()).enumerate().map(|(color, one)| {
+    let followed = found.iter().enumerate().filter(|(_, one)| !one.off.is_empty());
+    let series = followed.map(|(number, one)| {
         let points =
             one.off.iter().filter_map(|(count, _)| Some((*count as f64, one.off_at(*count)?)));
-        let name = one.name.clone();
+        let (name, color) = (one.name.clone(), color_of(number));
         Series { name, color, style: Style::Marked, points: points.collect() }
     });
     let panel = Panel {
@@ -914,8 +919,10 @@ impl Results<'_> {
         let profile = match sure[..] {
             [] => format!("On none of {profile} lines {agree}: no value of |ι| is certain."),
             [low, .., high] => format!(
-                "|ι| is from {low:.6} to {high:.6} on {} of {profile} lines, on which {agree}.",
-                sure.len()
+                "|ι| is from {low:.6} to {high:.6} on {} of {profile} lines, on which {agree}; by these halves it is \
+                 known to {}.",
+                sure.len(),
+                self.known()
             ),
             [alone] => format!("|ι| is {alone:.6} on one of {profile} lines, on which {agree}."),
         };
@@ -961,6 +968,22 @@ impl Results<'_> {
         )
     }
 
+    /// What the averages over both halves of a line of the reference differ by in |ι|, where they agree.
+    fn known(&self) -> String {
+        let errors = self.judge.rotation.iter().map(|found| found.error);
+        let per_turn = self.lines.maps_a_turn();
+        let mut errors: Vec<f64> =
+            errors.filter(|error| *error <= SURE).map(|error| error * per_turn).collect();
+        errors.sort_by(f64::total_cmp);
+        match errors[..] {
+            [] => String::new(),
+            [.., largest] => {
+                let median = errors[errors.len() / 2];
+                format!("{median:.1e} in the median and {largest:.1e} at most")
+            }
+        }
+    }
+
     fn table(&self) -> Table {
         let mut table = Table::new([
             ("method", Format::Exact),
@@ -986,6 +1009,17 @@ impl Results<'_> {
             table.push(row);
         }
         table
+    }
+
+    fn words_of_surfaces(&self) -> String {
+        let slow = match self.found.iter().any(|of| of.is_tracing) {
+            true => format!(
+                " Lines are followed through planes over {MOST_MAPS_OF_PLANES} maps at most, and in the field of the \
+                 coils not at all: that takes long."
+            ),
+            false => String::new(),
+        };
+        format!("The furthest of all lines from its curve.{slow}")
     }
 
     /// The largest distance from the surfaces, by the number of maps.

@@ -120,6 +120,9 @@ fn or_line_by_line(
     out
 }
 
+/// Over so many maps lines are followed through planes, which takes seconds.
+pub(super) const MOST_MAPS_OF_PLANES: usize = 10_000;
+
 /// A map with its name.
 pub(super) struct NamedMap<'a> {
     pub(super) name: String,
@@ -134,6 +137,17 @@ impl NamedMap<'_> {
     /// Whether a million maps are a moment's work.
     pub(super) fn is_fast(&self) -> bool {
         !matches!(self.map, SectionMap::Tabulated(_) | SectionMap::Coils(_))
+    }
+
+    /// Over how many maps the judged lines are followed at most.
+    fn most_maps(&self) -> usize {
+        match self.map {
+            SectionMap::Coils(_) => 0,
+            SectionMap::Tabulated(_) => MOST_MAPS_OF_PLANES,
+            SectionMap::Network(_) | SectionMap::Polynomial(_) | SectionMap::Generating(_) => {
+                usize::MAX
+            }
+        }
     }
 }
 
@@ -240,10 +254,7 @@ impl Judge<'_> {
         let orbit = named.map.rollout(&self.initial, Rollout { steps, every: 1 })?;
         let row = self.initial.len();
         let early = root_mean_square_distance(&orbit[row..], &self.early.values()[row..], 2);
-        let off = match named.is_fast() {
-            true => self.off(&named.map)?,
-            false => Vec::new(),
-        };
+        let off = self.off(named)?;
         let flux = match named.is_fast() {
             true => self.flux_of(&named.map)?,
             false => None,
@@ -326,10 +337,10 @@ impl Judge<'_> {
     }
 
     /// The largest distance of the last points before each count from the curve of their line.
-    fn off(&self, map: &SectionMap<'_>) -> Result<Vec<OffCurves>, Error> {
-        let row = self.initial.len();
+    fn off(&self, named: &NamedMap<'_>) -> Result<Vec<OffCurves>, Error> {
+        let (map, row, most) = (&named.map, self.initial.len(), named.most_maps());
         let (mut here, mut done, mut out) = (self.initial.clone(), 0, Vec::new());
-        for &count in self.counts {
+        for &count in self.counts.iter().take_while(|count| **count <= most) {
             let first = count.saturating_sub(self.last).max(done);
             if first > done {
                 let steps = first - done;
