@@ -131,7 +131,7 @@ impl<M: LaneMap> Kernel for Orbits<'_, M> {
 
     #[inline(always)]
     fn run<V: Pack>(self) -> Vec<f64> {
-        // Of numbers that are not in registers nothing is gained.
+        // Fewer lanes than eight are not in registers: one variant is enough.
         if const { V::LANES < WIDTH } {
             return self.together::<V, 0, 1>();
         }

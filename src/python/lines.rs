@@ -199,7 +199,8 @@ impl FieldLines {
         Ok(write_section(&path, &x, &y, &values, density.scale(), &[])?)
     }
 
-    /// As `Model.periodic_orbits`.
+    /// The distinct orbits of exactly `period` steps that Newton's method finds from `guesses`, (N, 2n), in metres: a
+    /// dictionary each, as of `Model.periodic_orbits`. Lines that are lost are NaN.
     #[pyo3(signature = (guesses, period=1, apart=1e-6))]
     fn periodic_orbits<'py>(
         &self,
@@ -211,7 +212,9 @@ impl FieldLines {
         orbits::periodic_orbits_of(py, &self.section, &guesses, period, apart)
     }
 
-    /// As `Model.symmetric_orbits`, with reversor="positions" for a section in a plane of symmetry.
+    /// The periodic orbits of exactly `period` steps that begin on the line of symmetry of a reversible map of a plane,
+    /// from `low` to `high` on it, in metres, found without a guess: dictionaries, as of `Model.symmetric_orbits`. The
+    /// line of a section with `reversor` "positions" is Z = 0. That the map is reversible is not tested.
     #[pyo3(signature = (reversor, low, high, period=1, *, samples=200))]
     fn symmetric_orbits<'py>(
         &self,
@@ -227,7 +230,8 @@ impl FieldLines {
         orbits::symmetric_orbits_of(py, &self.section, line, period)
     }
 
-    /// As `Model.island`.
+    /// The island around the elliptic orbit of `period` steps near `guess`, of a map of a plane, on the ray from `around`
+    /// through the first point of the orbit, in metres: low, high, width and angle, as of `Model.island`, or None.
     #[pyo3(signature = (guess, period=1, *, around, reach=0.15))]
     fn island<'py>(
         &self,
@@ -240,12 +244,12 @@ impl FieldLines {
         orbits::island_of(py, &self.section, &guess, period, &around, reach)
     }
 
-    /// As `Model.lyapunov_exponent`.
+    /// The finite-time Lyapunov exponent of the orbit from `point` over `steps` steps, per step, in metres.
     fn lyapunov_exponent(&self, py: Python<'_>, point: Rows<'_>, steps: usize) -> PyResult<f64> {
         orbits::of_orbit(py, &self.section, &point, steps, lyapunov_exponent)
     }
 
-    /// As `Model.alignment_index`.
+    /// The smaller alignment index of the orbit from `point` after `steps` steps, in metres: 0 up to rounding in chaos.
     fn alignment_index(&self, py: Python<'_>, point: Rows<'_>, steps: usize) -> PyResult<f64> {
         orbits::of_orbit(py, &self.section, &point, steps, smaller_alignment_index)
     }

@@ -70,6 +70,7 @@ impl OrbitMap for PolynomialOnSection {
         self.has_section()
     }
     fn with_jacobian(&self, z: &[f64]) -> Result<(Vec<f64>, Vec<f64>), Error> {
+        self.check_points("points", z)?;
         Ok(self.with_jacobian(z))
     }
     fn followed(&self, points: &[f64], maps: usize) -> Result<Vec<f64>, Error> {
@@ -248,7 +249,8 @@ impl PySymplecticPolynomial {
         })
     }
 
-    /// As `Model.periodic_orbits`.
+    /// The distinct orbits of exactly `period` steps that Newton's method finds from `guesses`, (N, 2n), in units of the data: a
+    /// dictionary each, as of `Model.periodic_orbits`. Raises Error of a point that is not on the section.
     #[pyo3(signature = (guesses, period=1, apart=1e-6))]
     fn periodic_orbits<'py>(
         &self,
@@ -260,7 +262,9 @@ impl PySymplecticPolynomial {
         orbits::periodic_orbits_of(py, &self.map, &guesses, period, apart)
     }
 
-    /// As `Model.symmetric_orbits`.
+    /// The periodic orbits of exactly `period` steps that begin on the line of symmetry of a reversible map of a plane,
+    /// from `low` to `high` on it, in units of the data, found without a guess: dictionaries, as of `Model.symmetric_orbits`. The
+    /// line of a section with `reversor` "positions" is Z = 0. That the map is reversible is not tested.
     #[pyo3(signature = (reversor, low, high, period=1, *, samples=200))]
     fn symmetric_orbits<'py>(
         &self,
@@ -276,7 +280,8 @@ impl PySymplecticPolynomial {
         orbits::symmetric_orbits_of(py, &self.map, line, period)
     }
 
-    /// As `Model.island`.
+    /// The island around the elliptic orbit of `period` steps near `guess`, of a map of a plane, on the ray from `around`
+    /// through the first point of the orbit, in units of the data: low, high, width and angle, as of `Model.island`, or None.
     #[pyo3(signature = (guess, period=1, *, around, reach=0.15))]
     fn island<'py>(
         &self,
@@ -289,17 +294,18 @@ impl PySymplecticPolynomial {
         orbits::island_of(py, &self.map, &guess, period, &around, reach)
     }
 
-    /// As `Model.lyapunov_exponent`.
+    /// The finite-time Lyapunov exponent of the orbit from `point` over `steps` steps, per step, in units of the data.
     fn lyapunov_exponent(&self, py: Python<'_>, point: Rows<'_>, steps: usize) -> PyResult<f64> {
         orbits::of_orbit(py, &self.map, &point, steps, lyapunov_exponent)
     }
 
-    /// As `Model.alignment_index`.
+    /// The smaller alignment index of the orbit from `point` after `steps` steps, in units of the data: 0 up to rounding in chaos.
     fn alignment_index(&self, py: Python<'_>, point: Rows<'_>, steps: usize) -> PyResult<f64> {
         orbits::of_orbit(py, &self.map, &point, steps, smaller_alignment_index)
     }
 
-    /// As `Model.manifold`.
+    /// A branch of the unstable or the stable manifold of the periodic orbit of `period` steps near `guess`, of a map of a
+    /// plane, in units of the data: points (N, 2), as of `Model.manifold`. Raises Error where points leave no such orbit.
     #[pyo3(signature = (guess, period=1, *, stable=false, forward=true, start=1e-6, spacing=1e-2, length=1.0))]
     #[allow(clippy::too_many_arguments, reason = "keywords of Python")]
     fn manifold<'py>(

@@ -387,7 +387,7 @@ impl Hamiltonian for System {
     fn add_dissipation<S: Elementary>(&self, z: &[S], time: f64, out: &mut [S]) {
         each_system!(self, s => s.add_dissipation(z, time, out))
     }
-    /// A function of its own for each system, so that what goes on with any of them is not compiled around all of them.
+    /// The field of each system is a function of its own: otherwise every caller would contain all of them.
     #[inline(always)]
     fn vector_field<S: Elementary>(&self, z: &[S], time: f64, out: &mut [S]) {
         each_system!(self, system => S::outlined(VectorField { system, z, time, out }))

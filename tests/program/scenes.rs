@@ -5,6 +5,20 @@ use gyroceptron::measure::timing::{AtError, WorkPrecision};
 use serde_json::Value;
 use std::path::Path;
 
+/// What is checked before a scene begins holds of all that are built in, with a quarter of the pairs too.
+#[test]
+fn built_in_scenes_can_be_run_quickly() {
+    let folder = folder();
+    for entry in gyroceptron::scene::catalogue() {
+        let plan = ["run", entry.name, "--plan", "--no-estimate", "--quick"];
+        match entry.name {
+            // Of a file that its authors published.
+            "published-weights" => refuses(folder.path(), &plan, &["--weights"]),
+            _ => drop(succeeds(folder.path(), &plan)),
+        }
+    }
+}
+
 #[test]
 fn a_scene_runs_to_a_report() {
     let folder = with_scene("small.toml", SCENE);

@@ -96,7 +96,7 @@ fn a_family_is_judged_where_it_was_seen_and_where_not() {
     assert!(folder.path().join("family.svg").exists());
 }
 
-/// Medians of five initial weights. Half an hour in a release build: `cargo test --release --test studies
+/// Medians of five initial weights. An hour in a release build: `cargo test --release --test studies
 /// learnt_invariants -- --ignored --nocapture` prints the numbers.
 #[test]
 #[ignore = "takes minutes: run it with --ignored"]

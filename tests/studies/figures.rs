@@ -31,12 +31,10 @@ fn series_differ_without_their_colors() {
     let figures: BTreeSet<String> =
         (0..SERIES).map(|color| without_colors(&drawn(color, 5))).collect();
     assert_eq!(figures.len(), SERIES);
-    let legends: BTreeSet<String> = figures
-        .iter()
-        .map(|svg| svg.rsplit_once("a method").expect("a name").0)
-        .map(|svg| svg.rsplit_once("</text>").expect("an axis").1.to_owned())
-        .collect();
-    assert_eq!(legends.len(), SERIES, "{legends:?}");
+    // So are they in the list of names alone.
+    let names: BTreeSet<String> =
+        (0..SERIES).map(|color| without_colors(&drawn(color, 0))).collect();
+    assert_eq!(names.len(), SERIES);
 }
 
 /// A line of many points is not hidden by its marks.

@@ -315,19 +315,19 @@ class SymplecticPolynomial:
     def periodic_orbits(
         self, guesses: ArrayLike, period: int = 1, apart: float = 1e-6
     ) -> list[_PeriodicOrbit]:
-        """As `Model.periodic_orbits`."""
+        """The orbits of exactly `period` steps that Newton's method finds from guesses (N, 2n)."""
     def symmetric_orbits(
         self, reversor: str, low: float, high: float, period: int = 1, *, samples: int = 200
     ) -> list[_PeriodicOrbit]:
-        """As `Model.symmetric_orbits`."""
+        """The orbits of exactly `period` steps that begin on the line of symmetry of a reversible map of a plane."""
     def island(
         self, guess: ArrayLike, period: int = 1, *, around: ArrayLike, reach: float = 0.15
     ) -> dict[str, float] | None:
-        """As `Model.island`."""
+        """The island of the elliptic orbit near `guess` on a ray: low, high, width and angle; None without one."""
     def lyapunov_exponent(self, point: ArrayLike, steps: int) -> float:
-        """As `Model.lyapunov_exponent`."""
+        """The finite-time Lyapunov exponent of the orbit from `point`, per step."""
     def alignment_index(self, point: ArrayLike, steps: int) -> float:
-        """As `Model.alignment_index`."""
+        """The smaller alignment index of the orbit from `point`: 0 up to rounding in chaos."""
     def manifold(
         self,
         guess: ArrayLike,
@@ -339,7 +339,7 @@ class SymplecticPolynomial:
         spacing: float = 1e-2,
         length: float = 1.0,
     ) -> NDArray[np.float64]:
-        """As `Model.manifold`."""
+        """A branch of a manifold of the periodic orbit near `guess`, of a map of a plane: points (N, 2)."""
     def verify(self, samples: int = 200, seed: int = 0) -> Certificate:
         """Tests the structure of the map in the middle of the box of its pairs."""
     def survival(
@@ -387,19 +387,19 @@ class FieldLines:
     def periodic_orbits(
         self, guesses: ArrayLike, period: int = 1, apart: float = 1e-6
     ) -> list[_PeriodicOrbit]:
-        """As `Model.periodic_orbits`."""
+        """The orbits of exactly `period` steps that Newton's method finds from guesses (N, 2n)."""
     def symmetric_orbits(
         self, reversor: str, low: float, high: float, period: int = 1, *, samples: int = 200
     ) -> list[_PeriodicOrbit]:
-        """As `Model.symmetric_orbits`."""
+        """The orbits of exactly `period` steps that begin on the line of symmetry of a reversible map of a plane."""
     def island(
         self, guess: ArrayLike, period: int = 1, *, around: ArrayLike, reach: float = 0.15
     ) -> dict[str, float] | None:
-        """As `Model.island`."""
+        """The island of the elliptic orbit near `guess` on a ray: low, high, width and angle; None without one."""
     def lyapunov_exponent(self, point: ArrayLike, steps: int) -> float:
-        """As `Model.lyapunov_exponent`."""
+        """The finite-time Lyapunov exponent of the orbit from `point`, per step."""
     def alignment_index(self, point: ArrayLike, steps: int) -> float:
-        """As `Model.alignment_index`."""
+        """The smaller alignment index of the orbit from `point`: 0 up to rounding in chaos."""
     def write_section(
         self, path: str | PathLike[str], points: ArrayLike, overwrite: bool = False
     ) -> None:

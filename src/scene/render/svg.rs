@@ -132,8 +132,13 @@ impl<'a> Name<'a> {
         let mut out: Vec<Self> = Vec::new();
         for series in figure.panels.iter().flat_map(|panel| &panel.series) {
             let text = &series.name[..];
-            if !text.is_empty() && !out.iter().any(|name| name.text == text) {
-                out.push(Self { text, color: series.color, style: series.style });
+            let listed = out.iter_mut().find(|name| name.text == text);
+            match listed {
+                // A mark says more than a line or a dot.
+                Some(name) if series.style == Style::Marked => name.style = Style::Marked,
+                Some(_) => {}
+                None if text.is_empty() => {}
+                None => out.push(Self { text, color: series.color, style: series.style }),
             }
         }
         out

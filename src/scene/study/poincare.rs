@@ -59,8 +59,8 @@ pub struct PoincareOptions {
     /// which takes long.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reference_planes: Option<Planes>,
-    /// Numbers of maps, ascending. Before each, the distances of points of networks, polynomials and, up to 10,000 maps,
-    /// planes from the curves of the reference are measured.
+    /// Numbers of maps, ascending. Before each, the distances of points of networks, of polynomials and, up to 10,000
+    /// maps, of planes from the curves of the reference are measured.
     pub counts: Vec<usize>,
     /// The number of such points of each line.
     pub last: usize,
@@ -232,6 +232,11 @@ impl Study for PoincareOptions {
     /// Less of all.
     fn shorten(&mut self) {
         const LONGEST: usize = 10_000;
+        // A quarter of the pairs does not determine more coefficients.
+        const HIGHEST: usize = 25;
+        for degrees in [&mut self.symplectic_polynomials, &mut self.reversible_polynomials] {
+            degrees.retain(|degree| *degree <= HIGHEST);
+        }
         self.counts.retain(|count| *count <= LONGEST);
         if self.counts.is_empty() {
             self.counts.push(LONGEST);
