@@ -115,14 +115,13 @@ fn learnt_invariants_are_of_second_order() {
     for [epsilon, leading, learnt] in &changes {
         println!("ε = {epsilon}: μ₀ changes by {leading:.2e}, the learnt μ by {learnt:.2e}");
     }
-    let [.., [least, _, at_least]] = changes[..] else { panic!("several") };
     let [[largest, _, at_largest], ..] = changes[..] else { panic!("several") };
-    assert!(largest > 7.0 * least, "{largest} {least}");
-    let order = (at_largest / at_least).ln() / (largest / least).ln();
-    println!("order {order:.2}");
-    assert!(order >= 2.0, "{order}");
     let [_, leading, learnt] =
         *changes.iter().find(|[epsilon, ..]| *epsilon == 0.01).expect("ε = 0.01");
+    // Below, what is left is the error of the network.
+    let order = (at_largest / learnt).ln() / (largest / 0.01).ln();
+    println!("order {order:.2}");
+    assert!(largest > 3.0 * 0.01 && order >= 2.0, "{largest} {order}");
     assert!(leading >= 50.0 * learnt, "{leading} {learnt}");
 }
 
