@@ -244,12 +244,12 @@ impl FieldLines {
         orbits::island_of(py, &self.section, &guess, period, &around, reach)
     }
 
-    /// The finite-time Lyapunov exponent of the orbit from `point` over `steps` steps, per step, in metres.
+    /// The finite-time Lyapunov exponent of the orbit from `point` over `steps` maps, per map, for distances in metres.
     fn lyapunov_exponent(&self, py: Python<'_>, point: Rows<'_>, steps: usize) -> PyResult<f64> {
         orbits::of_orbit(py, &self.section, &point, steps, lyapunov_exponent)
     }
 
-    /// The smaller alignment index of the orbit from `point` after `steps` steps, in metres: 0 up to rounding in chaos.
+    /// The smaller alignment index of the orbit from `point` after `steps` steps, for distances in metres: 0 up to rounding in chaos.
     fn alignment_index(&self, py: Python<'_>, point: Rows<'_>, steps: usize) -> PyResult<f64> {
         orbits::of_orbit(py, &self.section, &point, steps, smaller_alignment_index)
     }

@@ -99,7 +99,7 @@ fn a_family_is_judged_where_it_was_seen_and_where_not() {
 /// Medians of five initial weights. An hour in a release build: `cargo test --release --test studies
 /// learnt_invariants -- --ignored --nocapture` prints the numbers.
 #[test]
-#[ignore = "takes minutes: run it with --ignored"]
+#[ignore = "takes an hour: run it with --ignored"]
 fn learnt_invariants_are_of_second_order() {
     let folder = temporary();
     let report = run_in(folder.path(), &part("family", "invariant"));
@@ -128,7 +128,7 @@ fn learnt_invariants_are_of_second_order() {
 /// Medians of five initial weights. Twenty minutes in a release build: `cargo test --release --test studies no_sum --
 /// --ignored --nocapture` prints the errors.
 #[test]
-#[ignore = "takes minutes: run it with --ignored"]
+#[ignore = "takes twenty minutes or more: run it with --ignored"]
 fn averages_that_are_no_sum_are_learnt_by_turned_twists() {
     let folder = temporary();
     let report = run_in(folder.path(), &part("family", "cells"));

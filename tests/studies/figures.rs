@@ -24,7 +24,7 @@ fn without_colors(svg: &str) -> String {
     rest.fold(first, |text, part| text + "=\"" + part)
 }
 
-/// Two dozen methods in one panel are told apart in print: each has another mark or other dashes.
+/// Two dozen methods in one panel differ without colours: each has another mark or other dashes.
 #[test]
 fn series_differ_without_their_colors() {
     const SERIES: usize = 24;
