@@ -132,13 +132,18 @@ fn islands<S: Elementary>(count: u32, epsilon: f64, z: [S; 2]) -> [S; 2] {
 }
 
 /// A pendulum: ½(J − J₀)² − (ε/k) cos kθ, 4√(ε/k) wide in J where θ = 0. Two islands exchange opposite points; about a
-/// centre beside that of the circles one step of the orbit gains more than half a turn.
+/// centre beside that of the circles one step of the orbit gains more than half a turn, and fifteen islands gain more
+/// than one of theirs unevenly.
 #[test]
 fn islands_are_as_wide_as_a_pendulum() {
     let middle = [1.0, 2.0];
-    for (count, turns, epsilon, shift) in
-        [(5, 2.0, 1e-4, 0.0), (5, 2.0, 1e-3, 0.0), (2, 1.0, 1e-3, 0.0), (7, 3.0, 1e-4, 0.8)]
-    {
+    for (count, turns, epsilon, shift) in [
+        (5, 2.0, 1e-4, 0.0),
+        (5, 2.0, 1e-3, 0.0),
+        (2, 1.0, 1e-3, 0.0),
+        (7, 3.0, 1e-4, 0.8),
+        (15, 1.0, 1e-4, -0.5),
+    ] {
         let place = || format!("{turns}/{count} at {epsilon}");
         let centre = turns * TAU / f64::from(count);
         let map = |z: &[f64]| Ok(with_jacobian(|z| islands(count, epsilon, z), z));
@@ -168,6 +173,15 @@ fn islands_are_as_wide_as_a_pendulum() {
         assert!((width - 1.0).abs() < 0.03, "{width}: {}", place());
         assert!((found.interval.low - low).abs() < 0.03 * (high - low), "{found:?} for {low}");
         assert!(found.angle.abs() < 1e-9, "{found:?}");
+        // Within a period the angle about a point beside the centre does not advance evenly.
+        let maps = IslandSearch::maps_for(count as usize, orbit.residue()).expect("elliptic");
+        for more in 0..count as usize {
+            let search = IslandSearch { around, reach: 0.3, maps: maps + more };
+            let again = search.about(&orbit.points, &follow).expect("a search");
+            let again = again.unwrap_or_else(|| panic!("{} maps: {}", maps + more, place()));
+            let apart = again.interval.width() / found.interval.width() - 1.0;
+            assert!(apart.abs() < 0.02, "{apart}: {} maps: {}", maps + more, place());
+        }
         // Beyond the reach there is no end.
         assert_eq!(of(0.3 * half / centre).expect("a search"), None);
         let own = orbit.points[0].clone();

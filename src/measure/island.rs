@@ -25,7 +25,8 @@ pub struct IslandSearch {
     pub around: [f64; 2],
     /// How far on either side of the orbit the ends are looked for, over the distance from that point.
     pub reach: f64,
-    /// The number of maps after which an orbit of the island is still locked, and others are not.
+    /// The number of maps after which an orbit of the island is still locked, and others are not; it is rounded up to
+    /// whole periods of the orbit, since within one the angle about a centre does not advance evenly.
     pub maps: usize,
 }
 
@@ -85,13 +86,14 @@ impl IslandSearch {
         let multiples = (0..points.len()).map(|k| k as f64 / islands);
         let winding = multiples.min_by(|a, b| off_by(*a).total_cmp(&off_by(*b))).unwrap_or(0.0);
         let within = 1.0 / islands;
+        let maps = self.maps.next_multiple_of(points.len());
         let locked = |radii: &[f64]| -> Result<Vec<bool>, Error> {
             let place = |r: &f64| [r.mul_add(cos, self.around[0]), r.mul_add(sin, self.around[1])];
             let initial: Vec<f64> = radii.iter().flat_map(place).collect();
-            let moved = follow(&initial, self.maps)?;
+            let moved = follow(&initial, maps)?;
             let orbits = Trajectories::new([initial, moved].concat(), 2, radii.len())?;
             let found = winding_numbers(&orbits, winding, angle);
-            Ok(found.iter().map(|w| (w - winding).abs() * (self.maps as f64) < within).collect())
+            Ok(found.iter().map(|w| (w - winding).abs() * (maps as f64) < within).collect())
         };
         let found = locked_interval(radius, self.reach * radius, locked)?;
         Ok(found.map(|interval| Island { interval, angle: ray }))
