@@ -1,9 +1,12 @@
 //! Losses, gradients, normal equations, optimisers, checkpoints.
 
 use gyroceptron::flow::{Pairs, Window, sample};
-use gyroceptron::layer::{Activation, CircleAction};
+use gyroceptron::layer::{Activation, CircleAction, Reversor};
 use gyroceptron::measure::trajectories::rotation_errors;
-use gyroceptron::network::{GyroceptronShape, HenonShape, InitialWeights, Model, SympNetShape};
+use gyroceptron::network::{
+    Architecture, Block, GyroceptronShape, HenonShape, InitialWeights, Layers, Model,
+    NormalFormShape, Part, Scale, SympNetShape,
+};
 use gyroceptron::phase::Map;
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::{Dual, max_or_nan};
@@ -346,7 +349,7 @@ fn normal_equations_are_those_of_duals() {
         let pairs = pairs(number, 0.5, 4);
         let loss = Loss::Weighted { weights: vec![0.3, 1.0] };
         let objective = Objective::new(&loss, &pairs).expect("valid weights");
-        let objective = objective.with_near_identity_penalty(penalty).expect("valid");
+        let objective = objective.with_near_identity_penalty(penalty, &model).expect("valid");
         // Rows of both terms: the derivatives, then the residual, by its root weight.
         let mut rows = vec![vec![0.0; count + 1]; 8 * number];
         for index in 0..count {
@@ -520,7 +523,7 @@ fn a_step_of_levenberg_marquardt_is_bent_as_the_residuals_are() {
         let outcome = train(&model, &pairs, None, &options, None, &mut quiet).expect("trains");
         assert_eq!(outcome.best.iteration, 1, "the step lowers the loss");
         let objective = Objective::new(&Loss::MeanSquaredError, &pairs)
-            .and_then(|objective| objective.with_near_identity_penalty(penalty))
+            .and_then(|objective| objective.with_near_identity_penalty(penalty, &model))
             .expect("valid");
         let start = model.composition().parameters();
         let count = start.len();
@@ -839,6 +842,80 @@ fn the_penalty_keeps_the_map_near_the_identity() {
     let options = TrainingOptions { near_identity_penalty: 1.0, ..options(5) };
     let refused = train(&net, &pairs, None, &options, None, &mut quiet);
     assert!(refused.expect_err("no I_ε").to_string().contains("near_identity_penalty"));
+}
+
+/// The penalty of a nearly-integrable map is on χ∘K_ε∘χ⁻¹, by its definition and to first order by differences; it
+/// draws K_ε to the identity, whatever the part of χ; a reversible map has none.
+#[test]
+fn the_penalty_of_a_nearly_integrable_map_is_on_its_perturbation() {
+    let action = CircleAction::new([1, 2]);
+    let shape = NormalFormShape {
+        action: action.into(),
+        psi: vec![3],
+        kicks: vec![3, 2],
+        twists: vec![3, 2],
+        turned_twists: vec![],
+        flow_time: 0.5,
+        perturbation: Some(vec![3, 3]),
+    };
+    let start = shape
+        .architecture(0.5)
+        .initialise(InitialWeights::Normal { scale: 0.3 }, 0.5, 3)
+        .expect("valid");
+    let (pairs, penalty) = (pairs(200, 0.5, 5), 0.7);
+    let moved = |model: &Model| {
+        let [chart, _] = model.chart_and_inner_map();
+        let perturbation = model.part(Part::Perturbation);
+        let mut square = 0.0;
+        for z in pairs.input().chunks_exact(4) {
+            let mut w = z.to_vec();
+            chart.inverse(&mut w);
+            perturbation.forward(&mut w);
+            chart.forward(&mut w);
+            square += w.iter().zip(z).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
+        }
+        square / pairs.input().len() as f64
+    };
+    let plain = Objective::new(&Loss::MeanSquaredError, &pairs).expect("valid");
+    let penalised = plain.clone().with_near_identity_penalty(penalty, &start).expect("valid");
+    let expected = plain.value(start.composition()) + penalty * moved(&start);
+    let value = penalised.value(start.composition());
+    assert!((value - expected).abs() < 1e-13 * expected, "{value:e} {expected:e}");
+    assert!(moved(&start) > 1e-3, "a penalty of {:e} shows nothing", moved(&start));
+
+    let mut gradient = vec![0.0; start.parameters().len()];
+    penalised.value_and_gradient(start.composition(), &mut gradient);
+    let along: Vec<f64> = (0..gradient.len()).map(|k| ((3 * k) % 7) as f64 - 3.0).collect();
+    let at = |step: f64| {
+        let beside = start.parameters().iter().zip(&along).map(|(p, d)| p + step * d).collect();
+        penalised.value(&start.composition().with_parameters(beside, 0.5).expect("as many"))
+    };
+    let difference = (at(1e-5) - at(-1e-5)) / 2e-5;
+    let slope: f64 = gradient.iter().zip(&along).map(|(g, d)| g * d).sum();
+    assert!((slope - difference).abs() < 1e-7 * slope.abs(), "{slope:e} {difference:e}");
+
+    for optimiser in optimisers() {
+        let after = |near_identity_penalty| {
+            let optimiser = optimiser.clone();
+            let options = TrainingOptions { optimiser, near_identity_penalty, ..options(60) };
+            let outcome = train(&start, &pairs, None, &options, None, &mut quiet);
+            moved(&outcome.expect("runs").model)
+        };
+        let (free, held) = (after(0.0), after(1e3));
+        assert!(held < 0.05 * free, "{}: {held:e} {free:e}", optimiser.name());
+    }
+
+    let reversible = Architecture::new(2)
+        .on_circle(CircleAction::new([1, 2]))
+        .at_epsilon(0.5)
+        .reversible(Some(Reversor::Positions))
+        .with(Block::new(Part::SlowMap, Layers::Twist(vec![3])).scaled(Scale::Time))
+        .with(Block::new(Part::Perturbation, Layers::TurnedKick(vec![3])));
+    let reversible = reversible.initialise(InitialWeights::Glorot, 0.5, 3).expect("valid");
+    let options = TrainingOptions { near_identity_penalty: 1.0, ..options(5) };
+    let refused = train(&reversible, &pairs, None, &options, None, &mut quiet);
+    let words = refused.expect_err("K_ε on both sides").to_string();
+    assert!(words.contains("near_identity_penalty") && words.contains("reversor"), "{words}");
 }
 
 #[test]

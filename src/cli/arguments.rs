@@ -364,7 +364,8 @@ pub struct Train {
     /// ^4x50,^8x50.
     #[arg(long, value_name = "TIME[^DEGREE]xITERATIONS,…")]
     pub ramp: Option<String>,
-    /// What is added to the loss: so many times the mean square of I_ε(z) − z.
+    /// What is added to the loss: so many times the mean square of I_ε(z) − z, or of χ∘K_ε∘χ⁻¹(z) − z of a map with a
+    /// perturbation.
     #[arg(long, value_name = "WEIGHT", allow_negative_numbers = true)]
     pub near_identity_penalty: Option<f64>,
     /// Weights of the planes in the loss and in the held-out error that chooses the model, scaled

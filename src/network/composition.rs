@@ -303,6 +303,12 @@ impl<P: Scalar> Composition<P> {
         Self { steps, ..self.clone() }
     }
 
+    /// The composition without some of its steps, over the same parameters.
+    pub(crate) fn without(&self, steps: Range<usize>) -> Self {
+        let kept = self.steps.iter().enumerate().filter(|(index, _)| !steps.contains(index));
+        Self { steps: kept.map(|(_, step)| step.clone()).collect(), ..self.clone() }
+    }
+
     /// Each step as a separate map, in the order of application.
     pub fn step_by_step(&self) -> impl Iterator<Item = Self> + '_ {
         let alone = |step: &Step| Self { steps: vec![step.clone()], ..self.clone() };

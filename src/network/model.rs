@@ -15,6 +15,7 @@ use crate::scalar::{Over, Real, Scalar, max_or_nan};
 use rayon::prelude::*;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 /// A function on phase space that a network conserves exactly or approximately.
 pub type Invariant<'a> = Box<dyn Fn(&[f64]) -> f64 + Send + Sync + 'a>;
@@ -240,6 +241,20 @@ impl<P: Real> Model<P> {
     pub fn chart_and_inner_map(&self) -> [Composition<P>; 2] {
         let composition = &self.composition;
         self.architecture.chart_and_inner_map(composition.epsilon(), composition.parameters())
+    }
+
+    /// The steps of a nearly-integrable map, T_ε and Φ_θ, without which it is χ∘K_ε∘χ⁻¹; None of other maps, and of
+    /// reversible ones, in which K_ε stands on both sides.
+    pub(crate) fn steps_before_perturbation(&self) -> Option<Range<usize>> {
+        let architecture = &self.architecture;
+        if architecture.structure() != Structure::NearlyIntegrable
+            || architecture.reversor.is_some()
+        {
+            return None;
+        }
+        let [chart, inner] = self.chart_and_inner_map();
+        let (first, own) = (chart.steps().len(), self.part(Part::Perturbation).steps().len());
+        Some(first..first + inner.steps().len() - own)
     }
 
     /// The map in the coordinates w = χ⁻¹z, in which the invariants are simply 𝔍:

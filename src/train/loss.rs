@@ -5,7 +5,7 @@ use crate::error::Error;
 use crate::flow::{Condition, Pairs};
 use crate::layer::TorusAction;
 use crate::measure::trajectories::plane_motions;
-use crate::network::Composition;
+use crate::network::{Composition, Model};
 use crate::scalar::{WIDTH, max_or_nan, on_lanes};
 use crate::work;
 use rayon::prelude::*;
@@ -139,13 +139,15 @@ pub struct Objective<'a> {
     pairs: Cow<'a, Pairs>,
     weights: Vec<f64>,
     penalty: f64,
+    /// The steps of the map without which it is what the penalty is on; None where that is of the steps that ε scales.
+    left_out: Option<Range<usize>>,
     /// Whether the angles of the circles are constants, not parameters.
     angles_fixed: bool,
     /// The factor on Σ_j (θ_j − θ⁰_j)², and the θ⁰_j.
     angle_penalty: Option<(f64, Vec<f64>)>,
 }
 
-/// A term of the loss: the mean square of P(z) − z′, or of I_ε(z) − z.
+/// A term of the loss: the mean square of P(z) − z′, or of the penalty.
 pub(super) struct Term<'a> {
     pub(super) map: Cow<'a, Composition<f64>>,
     pub(super) weights: Vec<f64>,
@@ -167,7 +169,7 @@ impl<'a> Objective<'a> {
     pub fn new(loss: &Loss, pairs: &'a Pairs) -> Result<Self, Error> {
         let weights = loss.component_weights(pairs.dof())?;
         let (pairs, penalty, angles_fixed) = (Cow::Borrowed(pairs), 0.0, false);
-        Ok(Self { pairs, weights, penalty, angles_fixed, angle_penalty: None })
+        Ok(Self { pairs, weights, penalty, left_out: None, angles_fixed, angle_penalty: None })
     }
 
     /// Adds `penalty` times the mean square of I_ε(z) − z over all components of the pairs' inputs,
@@ -175,11 +177,15 @@ impl<'a> Objective<'a> {
     /// this prefers those whose I_ε is near the identity, and whose circle action is that of the
     /// data.
     ///
+    /// In place of I_ε a nearly-integrable `model` has χ∘K_ε∘χ⁻¹, by how much its perturbation moves points: of maps
+    /// that share work of order one between χ and K_ε in different ways, this prefers those whose invariants of the
+    /// integrable part are nearly those of the whole.
+    ///
     /// # Errors
     /// When `penalty` is not a finite number ≥ 0.
-    pub fn with_near_identity_penalty(self, penalty: f64) -> Result<Self, Error> {
+    pub fn with_near_identity_penalty(self, penalty: f64, model: &Model) -> Result<Self, Error> {
         Error::check_range("near_identity_penalty", penalty, 0.0, f64::MAX)?;
-        Ok(Self { penalty, ..self })
+        Ok(Self { penalty, left_out: model.steps_before_perturbation(), ..self })
     }
 
     /// The same loss with derivatives 0 in the angles of the circles, so that training leaves
@@ -208,6 +214,7 @@ impl<'a> Objective<'a> {
             pairs: Cow::Owned(pairs),
             weights: self.weights.clone(),
             penalty: self.penalty,
+            left_out: self.left_out.clone(),
             angles_fixed: self.angles_fixed,
             angle_penalty: self.angle_penalty.clone(),
         }
@@ -275,7 +282,10 @@ impl<'a> Objective<'a> {
             let weights = self.weights.iter().map(|weight| factor * weight).collect();
             let time = if self.angles_fixed { 0.0 } else { time };
             let angles = angles.clone();
-            let near_identity = (self.penalty > 0.0).then(|| map.near_identity_part());
+            let near_identity = (self.penalty > 0.0).then(|| match &self.left_out {
+                None => map.near_identity_part(),
+                Some(steps) => map.without(steps.clone()),
+            });
             let of_pairs =
                 Term { map, weights, input, output, angles: angles.clone(), time, products };
             let products = of_pairs.products.clone();

@@ -4,7 +4,7 @@ use super::record::at_least_one;
 use super::stages::{FreshTwists, RampStage, Starts, not_a_normal_form};
 use super::{AdamOptions, LbfgsOptions, LevenbergMarquardtOptions, Loss};
 use crate::error::Error;
-use crate::network::{Architecture, Model, Part};
+use crate::network::{Architecture, Model, Part, Structure};
 use serde::{Deserialize, Serialize};
 
 /// The optimiser, with its options.
@@ -101,7 +101,7 @@ pub struct TrainingOptions {
     /// The loss that is minimised.
     pub loss: Loss,
     /// The factor of a penalty that is added to the loss: the mean square of I_ε(z) − z over all
-    /// components of the training inputs.
+    /// components of the training inputs; of a nearly-integrable map, of χ∘K_ε∘χ⁻¹(z) − z.
     pub near_identity_penalty: f64,
     /// Whether the angles θ of the circles stay at their initial values.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
@@ -180,9 +180,15 @@ impl TrainingOptions {
     pub fn check_for(&self, architecture: &Architecture) -> Result<(), Error> {
         let has = |part: Part| architecture.part(part).next().is_some();
         let has_near_identity = architecture.has_circle() && has(Part::NearIdentity);
-        if self.near_identity_penalty > 0.0 && !has_near_identity {
+        let is_perturbed = architecture.structure() == Structure::NearlyIntegrable
+            && architecture.reversor.is_none();
+        if self.near_identity_penalty > 0.0 && !has_near_identity && !is_perturbed {
             let (name, found) = ("training.near_identity_penalty", self.near_identity_penalty);
-            return Err(Error::invalid(name, found, "0: only a gyroceptron has I_ε"));
+            let expected = match architecture.reversor {
+                None => "0: only a gyroceptron has I_ε, and only a nearly-integrable map K_ε",
+                Some(_) => "0 of a map with a reversor, in which K_ε stands on both sides",
+            };
+            return Err(Error::invalid(name, found, expected));
         }
         if !architecture.has_circle() {
             let expected = ": only a gyroceptron has an angle θ";

@@ -100,7 +100,7 @@ pub fn train(
     }
     options.check_for(model.architecture())?;
     let objective = Objective::new(&options.loss, pairs)?
-        .with_near_identity_penalty(options.near_identity_penalty)?
+        .with_near_identity_penalty(options.near_identity_penalty, model)?
         .with_fixed_angles(options.theta_fixed)
         .with_angle_penalty(options.theta_penalty, model.angles())?;
     let held_out =
