@@ -10,8 +10,8 @@ use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::adiabatic::log_slope;
 use gyroceptron::scalar::{DoubleDouble, Dual, Elementary, Real, Scalar, max_or_nan};
 use gyroceptron::system::{
-    CellularDrift, FieldLines, FullOrbit, Hamiltonian, NearlyPeriodic, Oscillators, System,
-    ThreeOscillators,
+    AverageConstants, CellularDrift, FieldLines, FullOrbit, Hamiltonian, NearlyPeriodic,
+    Oscillators, System, ThreeOscillators,
 };
 use std::f64::consts::TAU;
 
@@ -195,10 +195,15 @@ impl NearlyPeriodic for Wrong {
     fn adiabatic_invariant<S: Elementary>(&self, z: &[S]) -> S {
         self.system.adiabatic_invariant(z)
     }
-    fn average_constants(&self, z: &[f64]) -> Option<[f64; 2]> {
+    fn average_constants(&self, z: &[f64]) -> Option<AverageConstants> {
         self.system.average_constants(z)
     }
-    fn averaged_field<S: Elementary>(&self, z: &[S], constants: &[S; 2], out: &mut [S]) {
+    fn averaged_field<S: Elementary>(
+        &self,
+        z: &[S],
+        constants: &AverageConstants<S>,
+        out: &mut [S],
+    ) {
         self.system.averaged_field(z, constants, out);
         out.iter_mut().for_each(|v| *v *= S::from_f64(self.average));
     }

@@ -6,7 +6,9 @@ use super::stroboscopic::StroboscopicSettings;
 use crate::error::Error;
 use crate::layer::Turn;
 use crate::scalar::{Elementary, Over, Pack, WIDTH};
-use crate::system::{Hamiltonian, NearlyPeriodic, ParticleField, Splittable, System};
+use crate::system::{
+    AverageConstants, Hamiltonian, NearlyPeriodic, ParticleField, Splittable, System,
+};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
@@ -95,7 +97,7 @@ impl Averaged {
         system: &impl NearlyPeriodic,
         z: &mut [S],
         count: usize,
-        constants: impl Fn(&[S]) -> [S; 2],
+        constants: impl Fn(&[S]) -> AverageConstants<S>,
     ) {
         let dim = z.len();
         assert!(count > 0 && dim == 2 * system.dof());
@@ -115,7 +117,7 @@ impl Averaged {
         }
         z.copy_from_slice(stage);
         let h = self.time / count as f64;
-        let constants = if self.closed { constants(z) } else { [S::zero(); 2] };
+        let constants = if self.closed { constants(z) } else { [S::zero(); 4] };
         for _ in 0..count {
             sum.fill(S::zero());
             stage.copy_from_slice(z);
@@ -299,7 +301,7 @@ impl NumericalMethod for AveragedSettings {
                 let expected = format!("{} degrees of freedom or fewer", Averaged::MOST_DOF);
                 Err(Error::invalid(&self.name(), system.dof(), expected))
             }
-            System::FullOrbit(_) | System::VanDerPol(_) if self.closed => {
+            System::VanDerPol(_) if self.closed => {
                 Err(self.cannot_integrate("the average over the circle has no closed form"))
             }
             _ => Ok(()),
@@ -338,14 +340,14 @@ impl<H: NearlyPeriodic> Method<H> for Averaged {
     #[inline(always)]
     fn take<V: Pack>(&self, system: &H, z: &mut [V], _: f64, steps: usize) {
         let constants = |z: &[V]| {
-            let (mut point, mut out) = (vec![0.0; z.len()], [[0.0; WIDTH]; 2]);
+            let (mut point, mut out) = (vec![0.0; z.len()], [[0.0; WIDTH]; 4]);
             let mut lanes = [0.0; WIDTH];
             for lane in 0..V::LANES {
                 for (number, component) in point.iter_mut().zip(z) {
                     component.store(&mut lanes[..V::LANES]);
                     *number = lanes[lane];
                 }
-                let of_point = system.average_constants(&point).unwrap_or([f64::NAN; 2]);
+                let of_point = system.average_constants(&point).unwrap_or([f64::NAN; 4]);
                 out.iter_mut().zip(of_point).for_each(|(out, constant)| out[lane] = constant);
             }
             out.map(|lanes| V::load(&lanes[..V::LANES]))

@@ -1,6 +1,6 @@
 //! A charged particle that drifts through the cells of an electric potential.
 
-use super::{Hamiltonian, NearlyPeriodic, Splittable, turn};
+use super::{AverageConstants, Hamiltonian, NearlyPeriodic, Splittable, turn};
 use crate::error::Error;
 use crate::layer::CircleAction;
 use crate::scalar::Elementary;
@@ -115,16 +115,21 @@ impl NearlyPeriodic for CellularDrift {
         S::from_f64(0.5) * z[0].mul_add(z[0], z[2] * z[2])
     }
     /// J₀(√2 kρ) with ρ² = Π_x² + Π_y², and its derivative by ½ρ².
-    fn average_constants(&self, z: &[f64]) -> Option<[f64; 2]> {
+    fn average_constants(&self, z: &[f64]) -> Option<AverageConstants> {
         let radius = libm::hypot(z[0], z[2]);
         let (k, argument) = (self.wavenumber, self.argument(radius));
         // J₁(x)/x is ½ at 0.
         let ratio = if argument < 1e-8 { 0.5 } else { libm::j1(argument) / argument };
-        Some([libm::j0(argument), -2.0 * k * k * ratio])
+        Some([libm::j0(argument), -2.0 * k * k * ratio, 0.0, 0.0])
     }
     /// The vector field of [`CellularDrift::averaged`].
     #[inline(always)]
-    fn averaged_field<S: Elementary>(&self, z: &[S], [bessel, slope]: &[S; 2], out: &mut [S]) {
+    fn averaged_field<S: Elementary>(
+        &self,
+        z: &[S],
+        [bessel, slope, ..]: &AverageConstants<S>,
+        out: &mut [S],
+    ) {
         let (epsilon, k) = (S::from_f64(self.epsilon), S::from_f64(self.wavenumber));
         let ((sin_y, cos_y), (sin_x, cos_x)) = ((k * z[1]).sin_cos(), (k * z[3]).sin_cos());
         let shift = epsilon * *slope * sin_y * cos_x;

@@ -1,6 +1,6 @@
 //! A system that counts how often its equations of motion are evaluated.
 
-use super::{Hamiltonian, NearlyPeriodic};
+use super::{AverageConstants, Hamiltonian, NearlyPeriodic};
 use crate::error::Error;
 use crate::layer::{CircleAction, TorusAction};
 use crate::scalar::Elementary;
@@ -86,11 +86,16 @@ impl<H: NearlyPeriodic> NearlyPeriodic for Counted<'_, H> {
     fn adiabatic_invariant<S: Elementary>(&self, z: &[S]) -> S {
         self.system.adiabatic_invariant(z)
     }
-    fn average_constants(&self, z: &[f64]) -> Option<[f64; 2]> {
+    fn average_constants(&self, z: &[f64]) -> Option<AverageConstants> {
         self.system.average_constants(z)
     }
     #[inline(always)]
-    fn averaged_field<S: Elementary>(&self, z: &[S], constants: &[S; 2], out: &mut [S]) {
+    fn averaged_field<S: Elementary>(
+        &self,
+        z: &[S],
+        constants: &AverageConstants<S>,
+        out: &mut [S],
+    ) {
         self.system.averaged_field(z, constants, out);
     }
     fn limiting_flow<S: Elementary>(&self, z: &mut [S], time: S) {

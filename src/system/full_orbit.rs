@@ -1,6 +1,6 @@
 //! A charged particle in a strong magnetic field that varies within its gyroradius.
 
-use super::{Hamiltonian, NearlyPeriodic, Splittable, turn};
+use super::{AverageConstants, Hamiltonian, NearlyPeriodic, Splittable, turn};
 use crate::error::Error;
 use crate::layer::CircleAction;
 use crate::scalar::Elementary;
@@ -159,6 +159,40 @@ impl NearlyPeriodic for FullOrbit {
     }
     fn customary_invariant<S: Elementary>(&self, z: &[S]) -> Option<(&'static str, S)> {
         Some(("v²/2B", self.magnetic_moment(z)))
+    }
+    /// J₀(kρ), J₁(kρ)/ρ, J₀(2kρ) and J₁(2kρ)/ρ of the gyroradius ρ = |Π|.
+    fn average_constants(&self, z: &[f64]) -> Option<AverageConstants> {
+        let radius = libm::hypot(z[0], z[2]);
+        let over_radius = |k: f64| match k * radius > 0.0 {
+            true => libm::j1(k * radius) / radius,
+            false => 0.5 * k,
+        };
+        let (k, double) = (self.wavenumber, 2.0 * self.wavenumber);
+        Some([libm::j0(k * radius), over_radius(k), libm::j0(double * radius), over_radius(double)])
+    }
+    /// The vector field of the gyro-average without ½ρ², with J₀ and J₁ of kρ,
+    ///
+    /// ε(ρJ₁/k (cos kX + cos kY) + fJ₀(cos kX + sin kY)) + ε²(2 − J₀(2kρ)(cos 2kX + cos 2kY))/4k².
+    #[inline(always)]
+    fn averaged_field<S: Elementary>(
+        &self,
+        z: &[S],
+        [j0, j1, of_double, j1_of_double]: &AverageConstants<S>,
+        out: &mut [S],
+    ) {
+        let (k, strength) = (S::from_f64(self.wavenumber), S::from_f64(self.potential));
+        let ((sx, cx), (sy, cy)) = ((k * z[3]).sin_cos(), (k * z[1]).sin_cos());
+        let (one, two) = (S::from_f64(1.0), S::from_f64(2.0));
+        let (epsilon, second) =
+            (S::from_f64(self.epsilon), S::from_f64(0.5 * self.epsilon * self.epsilon) / k);
+        let of_field = epsilon * *j1 * (z[0] * z[0] + z[2] * z[2]);
+        let of_potential = epsilon * strength * k * *j0;
+        let first = epsilon * (*j0 * (cx + cy) - strength * k * *j1 * (cx + sy));
+        let shift = first + second * *j1_of_double * two * (one - sx * sx - sy * sy);
+        (out[0], out[2]) = (shift * z[2], -(shift * z[0]));
+        let of_square = second * *of_double * two;
+        out[1] = of_square * sx * cx - (of_field + of_potential) * sx;
+        out[3] = of_field * sy - of_potential * cy - of_square * sy * cy;
     }
     fn limiting_flow<S: Elementary>(&self, z: &mut [S], time: S) {
         turn(z, 0, 2, time);

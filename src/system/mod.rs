@@ -131,6 +131,9 @@ pub fn divergence(system: &impl Hamiltonian, z: &[f64], time: f64) -> f64 {
     sum
 }
 
+/// The functions of the actions that the closed form of an average takes as constants: at most four, others are 0. See [`NearlyPeriodic::average_constants`].
+pub type AverageConstants<S = f64> = [S; 4];
+
 /// A nearly-periodic system.
 ///
 /// Its flow at ε = 0 is ψ∘Φ_{ω₀t}∘ψ⁻¹ with the system's circle action Φ, a
@@ -164,7 +167,7 @@ pub trait NearlyPeriodic: Hamiltonian {
 
     /// The functions of the actions at z that [`NearlyPeriodic::averaged_field`] takes as constants, since the
     /// averaged flow conserves them; None where the average has no closed form.
-    fn average_constants(&self, z: &[f64]) -> Option<[f64; 2]> {
+    fn average_constants(&self, z: &[f64]) -> Option<AverageConstants> {
         let _ = z;
         None
     }
@@ -172,7 +175,12 @@ pub trait NearlyPeriodic: Hamiltonian {
     /// `out` ← the average, over the circle through z, of the vector field minus that of the limit, in closed form.
     /// It exists where [`NearlyPeriodic::average_constants`] does; elsewhere `out` is NaN.
     #[inline(always)]
-    fn averaged_field<S: Elementary>(&self, z: &[S], constants: &[S; 2], out: &mut [S]) {
+    fn averaged_field<S: Elementary>(
+        &self,
+        z: &[S],
+        constants: &AverageConstants<S>,
+        out: &mut [S],
+    ) {
         let _ = (z, constants);
         out.fill(S::from_f64(f64::NAN));
     }
@@ -422,11 +430,16 @@ impl NearlyPeriodic for System {
     fn customary_invariant<S: Elementary>(&self, z: &[S]) -> Option<(&'static str, S)> {
         each_system!(self, s => s.customary_invariant(z))
     }
-    fn average_constants(&self, z: &[f64]) -> Option<[f64; 2]> {
+    fn average_constants(&self, z: &[f64]) -> Option<AverageConstants> {
         each_system!(self, s => s.average_constants(z))
     }
     #[inline(always)]
-    fn averaged_field<S: Elementary>(&self, z: &[S], constants: &[S; 2], out: &mut [S]) {
+    fn averaged_field<S: Elementary>(
+        &self,
+        z: &[S],
+        constants: &AverageConstants<S>,
+        out: &mut [S],
+    ) {
         each_system!(self, s => s.averaged_field(z, constants, out))
     }
     fn limiting_flow<S: Elementary>(&self, z: &mut [S], time: S) {

@@ -1,6 +1,6 @@
 //! Two nonlinearly coupled oscillators, one fast and one slow.
 
-use super::{Hamiltonian, NearlyPeriodic, Splittable, turn};
+use super::{AverageConstants, Hamiltonian, NearlyPeriodic, Splittable, turn};
 use crate::layer::CircleAction;
 use crate::scalar::Elementary;
 use serde::{Deserialize, Serialize};
@@ -81,13 +81,18 @@ impl NearlyPeriodic for Oscillators {
         S::from_f64(0.5) * z[0].mul_add(z[0], z[2] * z[2])
     }
     /// c = R J₁(2R) with R² = q₁² + p₁², and its derivative by ½R², 2J₀(2R).
-    fn average_constants(&self, z: &[f64]) -> Option<[f64; 2]> {
+    fn average_constants(&self, z: &[f64]) -> Option<AverageConstants> {
         let radius = libm::hypot(z[0], z[2]);
-        Some([radius * libm::j1(2.0 * radius), 2.0 * libm::j0(2.0 * radius)])
+        Some([radius * libm::j1(2.0 * radius), 2.0 * libm::j0(2.0 * radius), 0.0, 0.0])
     }
     /// The vector field of H̄ = ½ε(q₂² + p₂²) + εc q₂ cos 2q₂.
     #[inline(always)]
-    fn averaged_field<S: Elementary>(&self, z: &[S], [c, slope]: &[S; 2], out: &mut [S]) {
+    fn averaged_field<S: Elementary>(
+        &self,
+        z: &[S],
+        [c, slope, ..]: &AverageConstants<S>,
+        out: &mut [S],
+    ) {
         let epsilon = S::from_f64(self.epsilon);
         let (sin, cos) = (z[1] + z[1]).sin_cos();
         let shift = epsilon * *slope * z[1] * cos;

@@ -1,6 +1,6 @@
 //! A charged particle in the electromagnetic field that it generates.
 
-use super::{Hamiltonian, NearlyPeriodic, Splittable, turn};
+use super::{AverageConstants, Hamiltonian, NearlyPeriodic, Splittable, turn};
 use crate::error::Error;
 use crate::layer::CircleAction;
 use crate::scalar::Elementary;
@@ -195,13 +195,13 @@ impl NearlyPeriodic for ParticleField {
         }
         total
     }
-    fn average_constants(&self, _: &[f64]) -> Option<[f64; 2]> {
-        Some([0.0; 2])
+    fn average_constants(&self, _: &[f64]) -> Option<AverageConstants> {
+        Some([0.0; 4])
     }
     /// The vector field of H̄ = ½ε(p² + Σ sin²(kq) J_k), J_k = ½(Q_k² + Π_k²): in the square of Σ sin(kq)Q_k the
     /// products of two different modes average to 0, since their frequencies differ.
     #[inline(always)]
-    fn averaged_field<S: Elementary>(&self, z: &[S], _: &[S; 2], out: &mut [S]) {
+    fn averaged_field<S: Elementary>(&self, z: &[S], _: &AverageConstants<S>, out: &mut [S]) {
         let (n, half, epsilon) = (self.dof(), S::from_f64(0.5), S::from_f64(self.epsilon));
         out[0] = epsilon * z[n];
         out[n] = S::zero();
