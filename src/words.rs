@@ -16,12 +16,17 @@ pub(crate) fn magnitude(value: f64) -> String {
     }
 }
 
-/// A factor: `7.6 ×`.
+/// A factor: `7.6 ×`, `0.03 ×`.
 pub(crate) fn factor(value: f64) -> String {
     const MANY_DIGITS: f64 = 1e5;
-    match value.abs() < MANY_DIGITS {
-        true => format!("{value:.1} ×"),
-        false => format!("{value:.1e} ×"),
+    // One digit behind the point would round it to 0.0 or 0.1.
+    const SHARE: f64 = 0.095;
+    const FEW_DIGITS: f64 = 0.0095;
+    match value.abs() {
+        size if size < FEW_DIGITS && size > 0.0 => format!("{value:.1e} ×"),
+        size if size < SHARE && size > 0.0 => format!("{value:.2} ×"),
+        size if size < MANY_DIGITS => format!("{value:.1} ×"),
+        _ => format!("{value:.1e} ×"),
     }
 }
 

@@ -98,7 +98,7 @@ pub mod orbits {
         PeriodicOrbit, WithJacobian, lyapunov_exponent, periodic_orbit, periodic_orbits,
     };
     pub use super::rotation::{RotationNumber, rotation_numbers};
-    pub use super::survival::{Follow, dynamic_aperture, maps_survived};
+    pub use super::survival::{Follow, aperture_of_ray, dynamic_aperture, maps_survived};
     pub use super::symmetric_orbits::{SymmetryLine, symmetric_periodic_orbits};
 }
 

@@ -77,9 +77,13 @@ pub fn dynamic_aperture(
         return Ok(vec![0.0; directions.len()]);
     }
     let survived = maps_survived(follow, &starts, dim, maps, stays)?;
-    let of_ray = survived.chunks(radii.len()).map(|of_ray| {
-        let stay = of_ray.iter().take_while(|lost| lost.is_none()).count();
-        stay.checked_sub(1).map_or(0.0, |last| radii[last])
-    });
-    Ok(of_ray.collect())
+    Ok(survived.chunks(radii.len()).map(|of_ray| aperture_of_ray(of_ray, radii, maps)).collect())
+}
+
+/// The dynamic aperture along one ray by the survival of its points at these radii, as [`maps_survived`] returns it for
+/// as many maps or more: the largest radius up to which all stay for `maps` maps; 0 where the first one is lost.
+pub fn aperture_of_ray(survived: &[Option<usize>], radii: &[f64], maps: usize) -> f64 {
+    let stays = |lost: &&Option<usize>| lost.is_none_or(|after| after > maps);
+    let stay = survived.iter().take_while(stays).count();
+    stay.checked_sub(1).and_then(|last| radii.get(last)).copied().unwrap_or(0.0)
 }

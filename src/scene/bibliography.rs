@@ -237,6 +237,19 @@ pub(super) const FREQUENCY_MAPS: &str = "@article{Laskar1990,
 }
 ";
 
+/// The dynamic aperture by the survival of orbits.
+pub(super) const APERTURES: &str = "@article{TodescoGiovannozzi1996,
+  author = {Todesco, E. and Giovannozzi, M.},
+  title = {Dynamic aperture estimates and phase-space distortions in nonlinear betatron motion},
+  journal = {Physical Review E},
+  volume = {53},
+  number = {4},
+  pages = {4067--4076},
+  year = {1996},
+  doi = {10.1103/PhysRevE.53.4067}
+}
+";
+
 /// Residues of periodic orbits.
 pub(super) const RESIDUES: &str = "@article{Greene1979,
   author = {Greene, John M.},

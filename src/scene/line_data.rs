@@ -342,6 +342,8 @@ pub(super) struct TracedLines {
     pub(super) held_out: Option<Pairs>,
     /// How far out the lines begin that left the machine or ran into a coil, in metres from the axis.
     pub(super) lost: Vec<f64>,
+    /// Whether lines run backwards in the mirror Z → −Z of the section.
+    pub(super) is_mirrored: bool,
     /// Field periods in a map.
     pub(super) periods: u32,
     /// Of the machine.
@@ -476,6 +478,7 @@ impl TracedLines {
             held_out,
             lost,
             periods: lines.periods,
+            is_mirrored: lines.is_mirrored(),
             of_machine: lines.coils.periods(),
             maps,
             controls: lines.controls.as_ref().map(LineControls::of_network).transpose()?,
@@ -567,6 +570,7 @@ impl TracedLines {
             held_out,
             lost,
             periods,
+            is_mirrored: lines.is_mirrored(),
             of_machine,
             maps,
             controls,

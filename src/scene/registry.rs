@@ -3,9 +3,10 @@
 use super::setup::{Data, ModelSpec, Setup};
 use super::study::shared::Study;
 use super::study::{
-    actions, adiabatic_horizon, adiabatic_profiles, claims, confinement, controls, dissipation,
-    family, frequency_map, long_steps, noise, overview, own_invariant, poincare, rollout,
-    slow_manifold, surfaces, tanh, there_and_back, trajectories, which_action, work_precision,
+    actions, adiabatic_horizon, adiabatic_profiles, aperture, claims, confinement, controls,
+    dissipation, family, frequency_map, long_steps, noise, overview, own_invariant, poincare,
+    rollout, slow_manifold, surfaces, tanh, there_and_back, trajectories, which_action,
+    work_precision,
 };
 use crate::measure::certificate::CertificateOptions;
 use crate::system::System;
@@ -154,6 +155,8 @@ studies! {
     poincare: Poincare(poincare::PoincareOptions),
     /// Tunes over a grid of points, and how much they change.
     frequency_map: FrequencyMap(frequency_map::FrequencyMapOptions),
+    /// How far from the closed orbit orbits stay, by angle.
+    aperture: Aperture(aperture::ApertureOptions),
     /// Maps of a machine at values of its controls that were never traced.
     controls: Controls(controls::ControlsOptions),
     /// Curves of maps of a plane that no orbit crosses, with proofs.

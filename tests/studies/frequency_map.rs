@@ -11,7 +11,7 @@ use serde_json::Value;
 use std::f64::consts::TAU;
 use std::path::Path;
 
-const SCENE: &str = r#"
+pub const SCENE: &str = r#"
 name = "ring"
 seed = 1
 flow_time = 1.0
@@ -41,13 +41,13 @@ order = 5
 "#;
 
 /// A sextupole of this strength, and turns of both planes.
-struct Ring {
-    strength: f64,
-    turns: [f64; 2],
+pub struct Ring {
+    pub strength: f64,
+    pub turns: [f64; 2],
 }
 
 impl Ring {
-    fn forward(&self, z: &mut [f64]) {
+    pub fn forward(&self, z: &mut [f64]) {
         let (x, y) = (z[0], z[1]);
         z[2] += self.strength * (y * y - x * x);
         z[3] += 2.0 * self.strength * x * y;
@@ -58,7 +58,7 @@ impl Ring {
         }
     }
 
-    fn write(&self, path: &Path) {
+    pub fn write(&self, path: &Path) {
         let mut stream = Stream::new(1, "points");
         let input: Vec<f64> = (0..4 * 500).map(|_| stream.uniform(-0.5, 0.5)).collect();
         let mut output = input.clone();

@@ -1,6 +1,7 @@
 //! Studies of scenes, as a caller of the library runs them.
 
 mod actions;
+mod aperture;
 mod claims;
 mod dissipation;
 mod family;

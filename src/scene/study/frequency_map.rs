@@ -1,8 +1,8 @@
 //! Frequency maps: the tunes of orbits from a grid of points, and how much they change along each.
 
-use super::shared::Study;
+use super::shared::{Study, WIDER, beyond_pairs, check_slice, coordinate, positions};
 use crate::error::Error;
-use crate::flow::{Region, Trajectories};
+use crate::flow::Trajectories;
 use crate::measure::orbits::{Tunes, tunes};
 use crate::network::{Composition, Model, Rollout, Structure};
 use crate::phase::{Map, Units};
@@ -13,7 +13,6 @@ use crate::scene::declared::Declared;
 use crate::scene::figure::{Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
 use crate::scene::setup::{MOST, Need};
-use crate::scene::target_flow::TargetFlow;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::f64::consts::TAU;
@@ -27,8 +26,6 @@ const MOST_POINTS: usize = 1_000_000;
 const LEAST_MAPS: usize = 512;
 /// States that are held at once.
 const STATES: usize = 1 << 20;
-/// An orbit is lost that leaves the box of the pairs, so many times as wide.
-const WIDER: f64 = 2.0;
 /// Bounds of the classes of orbits, by the largest change of a tune.
 const CLASSES: [f64; 3] = [1e-7, 1e-5, 1e-3];
 /// m·ν is an integer to this on an orbit that is on a resonance.
@@ -62,10 +59,6 @@ pub struct FrequencyMapOptions {
     pub order: u32,
 }
 
-fn positions() -> [usize; 2] {
-    [0, 1]
-}
-
 fn usual_order() -> u32 {
     8
 }
@@ -80,21 +73,7 @@ impl Study for FrequencyMapOptions {
     }
 
     fn check(&self, scene: &Declared<'_>) -> Result<(), Error> {
-        if let Some(dof) = scene.setup.target().map(TargetFlow::dof).filter(|dof| *dof != 2) {
-            return Err(Error::invalid(
-                "frequency_map",
-                format!("{dof} degrees of freedom"),
-                "two",
-            ));
-        }
-        if let Some(bad) = self.centre.iter().find(|value| !value.is_finite()) {
-            return Err(Error::invalid("centre", bad, "finite numbers"));
-        }
-        let [one, other] = self.along;
-        if one == other || one > 3 || other > 3 {
-            let found = format!("{:?}", self.along);
-            return Err(Error::invalid("along", found, "two different ones of 0, 1, 2, 3"));
-        }
+        check_slice(self.name(), scene, self.centre, self.along)?;
         for (low, high) in self.low.iter().zip(&self.high) {
             if !(low < high && low.is_finite() && high.is_finite()) {
                 let found = format!("from {low} to {high}");
@@ -126,23 +105,7 @@ impl Study for FrequencyMapOptions {
 
     fn run(&self, context: &mut Context<'_>) -> Result<Findings, RunError> {
         let (models, data) = (context.models()?, context.data()?);
-        let network = |mut corner: Vec<f64>| {
-            if let Some(units) = &data.units {
-                units.to_network(&mut corner);
-            }
-            corner
-        };
-        let region = data.region().map(|Region { low, high }| [network(low), network(high)]);
-        let outside = |z: &[f64]| {
-            let finite = z.iter().all(|value| value.is_finite());
-            let within = region.as_ref().is_none_or(|[low, high]| {
-                let mut all = z.iter().zip(low.iter().zip(high));
-                all.all(|(value, (low, high))| {
-                    (value - 0.5 * (low + high)).abs() <= 0.5 * WIDER * (high - low)
-                })
-            });
-            !(finite && within)
-        };
+        let outside = beyond_pairs(&data);
         let mut found = Vec::new();
         for trained in models.iter() {
             let name = &trained.spec.name;
@@ -492,10 +455,6 @@ impl FrequencyMapOptions {
             )
         }
     }
-}
-
-fn coordinate(index: usize) -> &'static str {
-    ["q₁", "q₂", "p₁", "p₂"][index.min(3)]
 }
 
 fn table(found: &[Found]) -> Table {

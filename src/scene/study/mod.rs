@@ -7,6 +7,7 @@
 pub mod actions;
 pub mod adiabatic_horizon;
 pub mod adiabatic_profiles;
+pub mod aperture;
 pub mod certificate;
 pub mod claims;
 pub mod confinement;

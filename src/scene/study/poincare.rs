@@ -3,7 +3,8 @@
 use super::line_edge::{EDGE, EdgeOptions, MANIFOLDS, edge_of};
 use super::rollout::orbit_color;
 use super::section_maps::{
-    Chain, Judge, Judged, MOST_MAPS_OF_PLANES, NamedMap, OrbitFound, Resonance, SURE, SectionMap,
+    Chain, Judge, Judged, MOST_MAPS_OF_PLANES, NamedMap, OnSymmetryLine, OrbitFound, Resonance,
+    SURE, SectionMap,
 };
 use super::shared::{Study, finite};
 use super::work_precision::MOST_ROUNDS;
@@ -578,6 +579,19 @@ impl PoincareOptions {
             None => Ok(None),
         };
         of_reference.width = width(reference)?;
+        // Found by one map, judged by another.
+        let on_line = |map: &SectionMap<'_>, by: &SectionMap<'_>, chain: &Chain| match found {
+            Some((resonance, radius)) if lines.is_mirrored => {
+                let begins = judge.on_symmetry_line(map, resonance, radius)?;
+                let again = match begins.is_empty() {
+                    true => Chain { centre: None, corner: None, width: None },
+                    false => judge.chain(by, resonance, &begins)?,
+                };
+                Ok::<_, Error>(Some(OnSymmetryLine::of(begins.len(), &again, chain)))
+            }
+            _ => Ok(None),
+        };
+        let line_of_reference = on_line(reference, &coils, &of_reference)?;
         let mut all = Vec::new();
         for named in maps.iter().filter(|named| named.is_fast()) {
             let mut chain = Chain { centre: None, corner: None, width: None };
@@ -588,11 +602,12 @@ impl PoincareOptions {
                 chain.width = width(&named.map)?;
             }
             let axis = at_axis(&named.map)?;
-            all.push(OrbitsOf { name: named.name.clone(), axis, chain });
+            let on_line = on_line(&named.map, &named.map, &chain)?;
+            all.push(OrbitsOf { name: named.name.clone(), axis, chain, on_line });
         }
         let axis = at_axis(&coils)?;
         let resonance = found.map(|(resonance, _)| resonance);
-        Ok(Fixed { resonance, axis, chain: of_reference, found: all })
+        Ok(Fixed { resonance, axis, chain: of_reference, on_line: line_of_reference, found: all })
     }
 
     /// Networks and polynomials over as many maps as the reference, so that going in and out of a chart counts
@@ -801,6 +816,8 @@ struct Fixed {
     resonance: Option<Resonance>,
     axis: Option<OrbitFound>,
     chain: Chain,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    on_line: Option<OnSymmetryLine>,
     found: Vec<OrbitsOf>,
 }
 
@@ -809,6 +826,8 @@ struct OrbitsOf {
     name: String,
     axis: Option<OrbitFound>,
     chain: Chain,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    on_line: Option<OnSymmetryLine>,
 }
 
 impl Fixed {
@@ -847,11 +866,30 @@ impl Fixed {
             resonance.value() * lines.maps_a_turn(),
             orbit("as a centre", &self.chain.centre),
             orbit("as a corner", &self.chain.corner)
+        ) + &self.words_of_line()
+    }
+
+    /// What is on the line of symmetry, where the section has one.
+    fn words_of_line(&self) -> String {
+        let Some(on_line) = &self.on_line else { return String::new() };
+        let found = |kind: &str, apart: Option<f64>| match apart {
+            Some(apart) => {
+                format!("to a {kind} that is {} m away", Format::Exponent(1).number(apart))
+            }
+            None => format!("to no {kind}"),
+        };
+        format!(
+            " Orbits that the mirror Z → −Z maps to themselves have points on the line Z = 0, of an even period two or \
+             none, and are found there without a guess. The reference has {} with this rotation, which lead {} and {}. \
+             Only reversible maps have such orbits exactly.",
+            on_line.orbits,
+            found("centre", on_line.centre),
+            found("corner", on_line.corner)
         )
     }
 
     fn table(&self) -> Table {
-        let mut table = Table::new([
+        let mut heads = vec![
             ("method", Format::Exact),
             ("axis is off by [m]", Format::Exponent(1)),
             ("its Tr M by", Format::Exponent(1)),
@@ -860,7 +898,13 @@ impl Fixed {
             ("corner off by [m]", Format::Exponent(1)),
             ("its Tr M by", Format::Exponent(1)),
             ("island [mm]", Format::Fixed(4)),
-        ]);
+        ];
+        let has_line = self.on_line.is_some();
+        if has_line {
+            heads.push(("centre from Z = 0 differs by [m]", Format::Exponent(1)));
+            heads.push(("corner", Format::Exponent(1)));
+        }
+        let mut table = Table::new(heads);
         let compare = |own: &Option<OrbitFound>, other: &Option<OrbitFound>| match (own, other) {
             (Some(own), Some(other)) => {
                 [Some(own.apart(other)), Some((own.trace - other.trace).abs())]
@@ -871,7 +915,7 @@ impl Fixed {
             let [axis, trace] = compare(&self.axis, &of.axis);
             let [centre, of_centre] = compare(&self.chain.centre, &of.chain.centre);
             let [corner, of_corner] = compare(&self.chain.corner, &of.chain.corner);
-            table.push([
+            let mut row: Vec<Cell> = vec![
                 of.name.clone().into(),
                 axis.into(),
                 trace.into(),
@@ -880,7 +924,13 @@ impl Fixed {
                 corner.into(),
                 of_corner.into(),
                 of.chain.width.map(|width| 1e3 * width).into(),
-            ]);
+            ];
+            if has_line {
+                let on_line = of.on_line.as_ref();
+                row.push(on_line.and_then(|found| found.centre).into());
+                row.push(on_line.and_then(|found| found.corner).into());
+            }
+            table.push(row);
         }
         table
     }

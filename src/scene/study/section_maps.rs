@@ -3,10 +3,11 @@
 use crate::error::Error;
 use crate::flow::{LineMap, PolynomialMap, PolynomialOnSection, TabulatedLines, Trajectories};
 use crate::io::StoredModel;
+use crate::layer::Reversor;
 use crate::measure::{
     orbits::{
-        InvariantCircle, IslandSearch, PeriodicOrbit, RotationNumber, periodic_orbits,
-        rotation_numbers,
+        InvariantCircle, IslandSearch, PeriodicOrbit, RotationNumber, SymmetryLine,
+        periodic_orbits, rotation_numbers, symmetric_periodic_orbits,
     },
     timing::root_mean_square_distance,
 };
@@ -15,6 +16,7 @@ use crate::phase::AreaDensity;
 use crate::scalar::max_or_nan;
 use rayon::prelude::*;
 use serde::Serialize;
+use std::f64::consts::TAU;
 
 /// A map of points (R, Z) in metres.
 pub(super) enum SectionMap<'a> {
@@ -427,6 +429,31 @@ impl OrbitFound {
     }
 }
 
+/// The orbits of a resonance that are found on the line Z = 0, without a guess, in a section that is mirrored there.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct OnSymmetryLine {
+    /// The number of orbits of this rotation that begin on the line.
+    pub(super) orbits: usize,
+    /// How far the centre of the chain that they lead to is from that of the chain, in metres, …
+    pub(super) centre: Option<f64>,
+    /// … and its corner; None where they do not lead to one.
+    pub(super) corner: Option<f64>,
+}
+
+impl OnSymmetryLine {
+    /// Of so many orbits that lead to a chain, beside the chain that guesses lead to.
+    pub(super) fn of(orbits: usize, found: &Chain, chain: &Chain) -> Self {
+        let apart = |found: &Option<OrbitFound>, own: &Option<OrbitFound>| {
+            Some(own.as_ref()?.apart(found.as_ref()?))
+        };
+        let centre = apart(&found.centre, &chain.centre);
+        Self { orbits, centre, corner: apart(&found.corner, &chain.corner) }
+    }
+}
+
+/// Orbits nearer to one another, in metres, are one.
+const APART: f64 = 1e-6;
+
 /// Residues below are those of a curve whose points all come back but for rounding.
 const LEAST_RESIDUE: f64 = 1e-9;
 
@@ -457,8 +484,6 @@ impl Judge<'_> {
         resonance: Resonance,
         guesses: &[Vec<f64>],
     ) -> Result<Chain, Error> {
-        /// Orbits nearer to one another are one.
-        const APART: f64 = 1e-6;
         let with_jacobian = |z: &[f64]| map.with_jacobian(z);
         let found = periodic_orbits(&with_jacobian, guesses, resonance.maps, APART)?;
         let resolved = |orbit: &&PeriodicOrbit| orbit.residue().abs() > LEAST_RESIDUE;
@@ -467,6 +492,41 @@ impl Judge<'_> {
             orbits.find(|orbit| (orbit.residue() > 0.0) == centre).map(OrbitFound::of)
         };
         Ok(Chain { centre: of(true), corner: of(false), width: None })
+    }
+
+    /// Where the orbits of a resonance begin that a map has on the line Z = 0, to half as far again on either side of the
+    /// axis as the resonance is on one. A map that is not reversible has none.
+    pub(super) fn on_symmetry_line(
+        &self,
+        map: &SectionMap<'_>,
+        resonance: Resonance,
+        radius: f64,
+    ) -> Result<Vec<Vec<f64>>, Error> {
+        /// How far out on either side, over the distance of the resonance from the axis on one.
+        const WITHIN: f64 = 1.5;
+        const SAMPLES: usize = 401;
+        let line = SymmetryLine {
+            reversor: Reversor::Momenta,
+            from: self.axis[0] - WITHIN * radius,
+            to: self.axis[0] + WITHIN * radius,
+            samples: SAMPLES,
+        };
+        let with_jacobian = |z: &[f64]| map.with_jacobian(z);
+        let mut found = symmetric_periodic_orbits(&with_jacobian, &line, resonance.maps)?;
+        found.retain(|orbit| self.turns_of(&orbit.points) == Some(resonance.turns));
+        Ok(found.into_iter().map(|mut orbit| orbit.points.swap_remove(0)).collect())
+    }
+
+    /// How often a periodic orbit goes round the axis, each map by less than half a turn.
+    fn turns_of(&self, points: &[Vec<f64>]) -> Option<usize> {
+        let angle = |z: &[f64]| libm::atan2(z[1] - self.axis[1], z[0] - self.axis[0]) / TAU;
+        let next = points.iter().cycle().skip(1);
+        let steps = points.iter().zip(next).map(|(from, to)| {
+            let step = angle(to) - angle(from);
+            step - step.round()
+        });
+        let turns = steps.sum::<f64>().abs().round();
+        (turns >= 0.0 && turns <= points.len() as f64).then_some(turns as usize)
     }
 
     /// Points from which the orbits of a resonance are looked for: those of an orbit that begins where the rotation is

@@ -1,10 +1,13 @@
 //! What every study is, and checks that studies share.
 
 use crate::error::Error;
+use crate::flow::Region;
 use crate::scene::context::{Context, RunError};
+use crate::scene::data_sets::DataSets;
 use crate::scene::declared::Declared;
 use crate::scene::findings::Findings;
 use crate::scene::setup::{MOST, Need, Setup, StudyTraining, check_points};
+use crate::scene::target_flow::TargetFlow;
 use crate::scene::trained::Trained;
 use std::any::Any;
 use std::rc::Rc;
@@ -115,6 +118,62 @@ pub(super) fn check_along(
         scene.setup.check_repeated(time)?;
     }
     check_points("initial", initial, system)
+}
+
+/// The positions of two degrees of freedom.
+pub(super) fn positions() -> [usize; 2] {
+    [0, 1]
+}
+
+/// The name of a coordinate of two degrees of freedom.
+pub(super) fn coordinate(index: usize) -> &'static str {
+    ["q₁", "q₂", "p₁", "p₂"][index.min(3)]
+}
+
+/// Fails unless the maps of a scene are of two degrees of freedom, this is a point of theirs, and these are two of its
+/// coordinates.
+pub(super) fn check_slice(
+    study: &str,
+    scene: &Declared<'_>,
+    centre: [f64; 4],
+    along: [usize; 2],
+) -> Result<(), Error> {
+    if let Some(dof) = scene.setup.target().map(TargetFlow::dof).filter(|dof| *dof != 2) {
+        return Err(Error::invalid(study, format!("{dof} degrees of freedom"), "two"));
+    }
+    if let Some(bad) = centre.iter().find(|value| !value.is_finite()) {
+        return Err(Error::invalid("centre", bad, "finite numbers"));
+    }
+    let [one, other] = along;
+    if one == other || one > 3 || other > 3 {
+        let expected = "two different ones of 0, 1, 2, 3";
+        return Err(Error::invalid("along", format!("{along:?}"), expected));
+    }
+    Ok(())
+}
+
+/// An orbit is lost that leaves the box of the pairs, so many times as wide.
+pub(super) const WIDER: f64 = 2.0;
+
+/// Whether a point in the units of networks is beyond that box.
+pub(super) fn beyond_pairs(data: &DataSets) -> impl Fn(&[f64]) -> bool + use<> {
+    let network = |mut corner: Vec<f64>| {
+        if let Some(units) = &data.units {
+            units.to_network(&mut corner);
+        }
+        corner
+    };
+    let region = data.region().map(|Region { low, high }| [network(low), network(high)]);
+    move |z| {
+        let finite = z.iter().all(|value| value.is_finite());
+        let within = region.as_ref().is_none_or(|[low, high]| {
+            let mut all = z.iter().zip(low.iter().zip(high));
+            all.all(|(value, (low, high))| {
+                (value - 0.5 * (low + high)).abs() <= 0.5 * WIDER * (high - low)
+            })
+        });
+        !(finite && within)
+    }
 }
 
 /// A number for a table; none where it is not one.
