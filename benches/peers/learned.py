@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Other ways to learn a flow map from the same pairs, on the same cores, and the table of their errors and times.
 
-    python3 benches/peers/learned.py [oscillators] [long-oscillators] [full-orbit] [field-lines]
+    python3 benches/peers/learned.py [oscillators] [long-oscillators] [full-orbit] [dissipative] [field-lines]
         [straight-field-lines] [--seeds N] [--iterations N] [--kinds mlp generating field]
 
 Makes a virtual environment of its own in target/peers (JAX, NumPy and SciPy from PyPI), builds the program, makes
@@ -57,6 +57,8 @@ class Oscillators:
         "gyroceptron": ["--architecture", "gyroceptron", "--psi", "10x8", "--near-identity", "10x8"],
     }
     long_steps = [40, 400, 4000]
+    # Whether the flow is that of a Hamiltonian.
+    hamiltonian = True
 
     def __init__(self, np):
         random = np.random.default_rng(1)
@@ -159,10 +161,34 @@ class FullOrbit(Oscillators):
         return (vx**2 + vy**2) / 2 + self.epsilon * (np.cos(x) + np.sin(y)) / 2
 
 
+class Dissipative(FullOrbit):
+    """Van der Pol's oscillator and a slow damped one that holds it back, a step of time 50: not Hamiltonian, so that it
+    has no generating function."""
+
+    name, time = "dissipative", 50.0
+    options = ["--circle-action", "1,0", "--epsilon", "0.01", "--flow-time", "50", "--starts", "3"]
+    networks = {
+        "couplings": ["--architecture", "coupling-gyroceptron", "--psi", "2x8", "--near-identity", "16x8"],
+    }
+    long_steps = [8, 80, 800]
+    hamiltonian = False
+
+    def __init__(self, np):
+        random = np.random.default_rng(1)
+        self.points = random.uniform([-2.5, -1.7, -2.5, -2.3], [2.5, 2.7, 2.5, 2.4], (10_000, 4))
+        self.initial = np.tile([[1.0, 0.3, 0.0, 0.0], [2.0, 1.0, 0.0, 0.5], [0.3, 0.0, 0.2, 0.0], [1.5, -0.8, 0.5, 0.6]], (16, 1))
+
+    def field(self, np, z):
+        q1, q2, p1, p2 = z
+        excited = (1 - q1**2 - q2) * p1
+        return np.stack([p1, self.epsilon * p2, self.epsilon * excited - q1, self.epsilon * (q1**2 / 2 - q2 - 0.3 * p2)])
+
+
 class FieldLines:
     """H = iota (r^2/2 - r^4/4)(1 + eps cos(2 phi - 3 theta)) around a circular axis, a turn."""
 
     name, dof, time, epsilon = "field-lines", 1, 6.283185307179586, 1e-3
+    hamiltonian = True
     options = ["--circle-action", "1", "--epsilon", "0.001", "--units", "data", "--starts", "1"]
     networks = {
         "nearly integrable, polynomials": [
@@ -459,7 +485,7 @@ def judged(np, case, orbits, reference):
 
 def invariant_drift(np, case, orbits):
     """How far the energy has gone at the end, over its mean among the orbits; of field lines, r on the section."""
-    if len(orbits) <= case.long_steps[-1]:
+    if len(orbits) <= case.long_steps[-1] or not case.hamiltonian:
         return "-"
     if case.dof > 1:
         energy = case.energy(np, orbits)
@@ -659,7 +685,8 @@ def run(case, options, np):
     folder = FOLDER / "learned" / case.name
     folder.mkdir(parents=True, exist_ok=True)
     inputs, outputs = case.pairs(np)
-    check_symplectic(case, inputs[:: len(inputs) // 5], np)
+    if case.hamiltonian:
+        check_symplectic(case, inputs[:: len(inputs) // 5], np)
     order = np.random.default_rng(2).permutation(len(inputs))
     inputs, outputs = inputs[order], outputs[order]
     held = len(inputs) // 10
@@ -718,6 +745,8 @@ def run(case, options, np):
     names = {"mlp": "perceptron", "generating": "generating function", "field": "averaged field"}
     for kind in options.kinds:
         name = names[kind]
+        if kind == "generating" and not case.hamiltonian:
+            continue
         for seed in range(options.seeds):
             model = Learned(case, kind, most, seed)
             start = time.perf_counter()
@@ -745,7 +774,7 @@ def main():
     parser.add_argument("--seeds", type=int, default=1, help="initial weights of each network")
     parser.add_argument("--iterations", type=int, default=200, help="of Levenberg-Marquardt in JAX")
     parser.add_argument("--kinds", nargs="+", default=["mlp", "generating", "field"], choices=["mlp", "generating", "field"])
-    cases = (Oscillators, LongOscillators, FullOrbit, FieldLines, StraightFieldLines)
+    cases = (Oscillators, LongOscillators, FullOrbit, Dissipative, FieldLines, StraightFieldLines)
     names = ", ".join(case.name for case in cases)
     parser.add_argument("cases", nargs="*", help=f"{names}; all, where none is named")
     options = parser.parse_args()
