@@ -74,17 +74,23 @@ impl IslandSearch {
         }
         let ray = angle(&points[0]);
         let (sin, cos) = libm::sincos(ray);
-        // Whole turns of a map do not count. A chain of k islands gains a multiple of a kth of a turn a map; each step
-        // of the orbit gains about as much, which tells which one, and by which branch angles are followed.
+        // Whole turns of a map do not count. A chain of k islands gains a multiple of a kth of a turn a map. Of the right
+        // one the steps of the orbit gain more and less by amounts that cancel, and among several that one is right
+        // from which they differ least; it tells by which branch angles are followed.
         let islands = points.len() as f64;
         let next = points.iter().cycle().skip(1);
         let gains: Vec<f64> = points.iter().zip(next).map(|(a, b)| angle(b) - angle(a)).collect();
         let off_by = |winding: f64| {
-            let each = gains.iter().map(|gain| libm::remainder(gain - TAU * winding, TAU).abs());
-            each.fold(0.0, max_or_nan)
+            let each = || gains.iter().map(|gain| libm::remainder(gain - TAU * winding, TAU));
+            let turns = (each().sum::<f64>() / TAU).round().abs();
+            (turns, each().map(f64::abs).fold(0.0, max_or_nan))
         };
         let multiples = (0..points.len()).map(|k| k as f64 / islands);
-        let winding = multiples.min_by(|a, b| off_by(*a).total_cmp(&off_by(*b))).unwrap_or(0.0);
+        let nearer = |a: &f64, b: &f64| {
+            let ((turns, off), (other_turns, other_off)) = (off_by(*a), off_by(*b));
+            turns.total_cmp(&other_turns).then(off.total_cmp(&other_off))
+        };
+        let winding = multiples.min_by(nearer).unwrap_or(0.0);
         let within = 1.0 / islands;
         let maps = self.maps.next_multiple_of(points.len());
         let locked = |radii: &[f64]| -> Result<Vec<bool>, Error> {
