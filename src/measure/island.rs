@@ -5,7 +5,6 @@ use super::surfaces::{LockedInterval, locked_interval, winding_numbers};
 use super::survival::Follow;
 use crate::error::Error;
 use crate::flow::Trajectories;
-use crate::scalar::max_or_nan;
 use std::f64::consts::TAU;
 
 /// An island of a chain around a centre: the part of the ray from the centre through a point of the chain's elliptic orbit
@@ -43,8 +42,8 @@ impl IslandSearch {
     /// The island around the first of the points of an elliptic orbit, for the map that `follow` applies. None where
     /// the map does not hold that point in an island, or holds all points within reach.
     ///
-    /// The angle about the centre of an orbit in an island stays within that island: after N maps it has gained as much
-    /// as that of the elliptic orbit, up to a turn over the number of islands, which is the period.
+    /// An orbit in an island stays in it: after N maps it has gained as much as the elliptic orbit, up to the way from one
+    /// island to the next. The number of islands is the period.
     ///
     /// Source: Cary and Hanson, <https://doi.org/10.1063/1.859829>, for islands around an elliptic orbit; their width
     /// is to leading order in its residue, this one by following orbits.
@@ -74,31 +73,33 @@ impl IslandSearch {
         }
         let ray = angle(&points[0]);
         let (sin, cos) = libm::sincos(ray);
-        // Whole turns of a map do not count. A chain of k islands gains a multiple of a kth of a turn a map. Of the right
-        // one the steps of the orbit gain more and less by amounts that cancel, and among several that one is right
-        // from which they differ least; it tells by which branch angles are followed.
-        let islands = points.len() as f64;
-        let next = points.iter().cycle().skip(1);
-        let gains: Vec<f64> = points.iter().zip(next).map(|(a, b)| angle(b) - angle(a)).collect();
-        let off_by = |winding: f64| {
-            let each = || gains.iter().map(|gain| libm::remainder(gain - TAU * winding, TAU));
-            let turns = (each().sum::<f64>() / TAU).round().abs();
-            (turns, each().map(f64::abs).fold(0.0, max_or_nan))
+        // By the angle about a point, islands of a chain are of unlike widths, and orbits advance unevenly from one to the
+        // next. By the number of the island and the share of the way to the next one they are alike.
+        let islands = points.len();
+        let mut places: Vec<f64> = points.iter().map(|point| angle(point)).collect();
+        places.sort_by(f64::total_cmp);
+        let phase = |z: &[f64]| {
+            let angle = angle(z);
+            let after = places.iter().take_while(|place| **place <= angle).count();
+            let (last, next) = ((after + islands - 1) % islands, after % islands);
+            let turn = |value: f64| if after == 0 || after == islands { value } else { 0.0 };
+            let (from, to) = match after {
+                0 => (places[last] - turn(TAU), places[next]),
+                _ => (places[last], places[next] + turn(TAU)),
+            };
+            let share = (angle - from) / (to - from);
+            TAU * (last as f64 + share) / islands as f64
         };
-        let multiples = (0..points.len()).map(|k| k as f64 / islands);
-        let nearer = |a: &f64, b: &f64| {
-            let ((turns, off), (other_turns, other_off)) = (off_by(*a), off_by(*b));
-            turns.total_cmp(&other_turns).then(off.total_cmp(&other_off))
-        };
-        let winding = multiples.min_by(nearer).unwrap_or(0.0);
-        let within = 1.0 / islands;
-        let maps = self.maps.next_multiple_of(points.len());
+        let steps = (phase(&points[1 % islands]) - phase(&points[0])) / TAU;
+        let winding = (steps * islands as f64).round() / islands as f64;
+        let within = 1.0 / islands as f64;
+        let maps = self.maps.next_multiple_of(islands);
         let locked = |radii: &[f64]| -> Result<Vec<bool>, Error> {
             let place = |r: &f64| [r.mul_add(cos, self.around[0]), r.mul_add(sin, self.around[1])];
             let initial: Vec<f64> = radii.iter().flat_map(place).collect();
             let moved = follow(&initial, maps)?;
             let orbits = Trajectories::new([initial, moved].concat(), 2, radii.len())?;
-            let found = winding_numbers(&orbits, winding, angle);
+            let found = winding_numbers(&orbits, winding, phase);
             Ok(found.iter().map(|w| (w - winding).abs() * (maps as f64) < within).collect())
         };
         let found = locked_interval(radius, self.reach * radius, locked)?;
