@@ -183,24 +183,27 @@ fn islands_are_as_wide_as_a_pendulum() {
             assert!(apart.abs() < 0.02, "{apart}: {} maps: {}", maps + more, place());
         }
         if count == 15 {
-            // On ellipses that are four times as long as wide a step gains from a quarter to four times as much, and
-            // two fifteenths of a turn are nearer to all steps than one.
-            let root = 2.0;
-            let scaled = |points: &[f64], by: f64| -> Vec<f64> {
-                let each = points.chunks_exact(2);
-                let of = |z: &[f64]| {
-                    [by.mul_add(z[0] - middle[0], middle[0]), (z[1] - middle[1]) / by + middle[1]]
+            // On ellipses that are four times as long as wide a step gains from a quarter to four times as much: two
+            // fifteenths of a turn are nearer to all steps than one, and on the flat side islands are four times as
+            // wide by the angle. The first point is at the tip and on that side.
+            for root in [2.0, 0.5] {
+                let scaled = |points: &[f64], by: f64| -> Vec<f64> {
+                    let of = |z: &[f64]| {
+                        let off = [z[0] - middle[0], z[1] - middle[1]];
+                        [by.mul_add(off[0], middle[0]), off[1] / by + middle[1]]
+                    };
+                    points.chunks_exact(2).flat_map(of).collect()
                 };
-                each.flat_map(of).collect()
-            };
-            let stretched = |points: &[f64], maps: usize| {
-                follow(&scaled(points, 1.0 / root), maps).map(|states| scaled(&states, root))
-            };
-            let points: Vec<Vec<f64>> = orbit.points.iter().map(|z| scaled(z, root)).collect();
-            let search = IslandSearch { around: middle, reach: 0.3, maps };
-            let again = search.about(&points, &stretched).expect("a search").expect("an island");
-            let apart = again.interval.width() / (root * found.interval.width()) - 1.0;
-            assert!(apart.abs() < 0.02, "{apart}: {}", place());
+                let stretched = |points: &[f64], maps: usize| {
+                    follow(&scaled(points, 1.0 / root), maps).map(|states| scaled(&states, root))
+                };
+                let points: Vec<Vec<f64>> = orbit.points.iter().map(|z| scaled(z, root)).collect();
+                let search = IslandSearch { around: middle, reach: 0.3, maps };
+                let again = search.about(&points, &stretched).expect("a search");
+                let again = again.unwrap_or_else(|| panic!("stretched by {root}: {}", place()));
+                let apart = again.interval.width() / (root * found.interval.width()) - 1.0;
+                assert!(apart.abs() < 0.02, "{apart}: stretched by {root}: {}", place());
+            }
         }
         // Beyond the reach there is no end.
         assert_eq!(of(0.3 * half / centre).expect("a search"), None);

@@ -176,12 +176,13 @@ class Dissipative(FullOrbit):
     def __init__(self, np):
         random = np.random.default_rng(1)
         self.points = random.uniform([-2.5, -1.7, -2.5, -2.3], [2.5, 2.7, 2.5, 2.4], (10_000, 4))
-        self.initial = np.tile([[1.0, 0.3, 0.0, 0.0], [2.0, 1.0, 0.0, 0.5], [0.3, 0.0, 0.2, 0.0], [1.5, -0.8, 0.5, 0.6]], (16, 1))
+        orbits = [[1.0, 0.3, 0.0, 0.0], [2.0, 1.0, 0.0, 0.5], [0.3, 0.0, 0.2, 0.0], [1.5, -0.8, 0.5, 0.6]]
+        self.initial = np.tile(orbits, (16, 1))
 
     def field(self, np, z):
         q1, q2, p1, p2 = z
-        excited = (1 - q1**2 - q2) * p1
-        return np.stack([p1, self.epsilon * p2, self.epsilon * excited - q1, self.epsilon * (q1**2 / 2 - q2 - 0.3 * p2)])
+        excited, driven = (1 - q1**2 - q2) * p1, q1**2 / 2 - q2 - 0.3 * p2
+        return np.stack([p1, self.epsilon * p2, self.epsilon * excited - q1, self.epsilon * driven])
 
 
 class FieldLines:

@@ -388,8 +388,8 @@ def frequency(cell, options):
 
 
 def long_aperture(cell, options):
-    """How far particles stay for 100,000 turns, along five rays, by maps and by tracking: bisection around the aperture of
-    300 turns by tracking."""
+    """How far particles stay for 100,000 turns, along five rays, by maps and by tracking: bisection around the aperture
+    of 300 turns by tracking."""
     rays, halvings = 5, 7
     few, turns = (5, 50) if options.short else (300, 100_000)
     before = cell.ball(options.pairs, 1, power=0.5)
@@ -461,7 +461,8 @@ LONG = ["aperture"]
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("parts", nargs="*", default=PARTS, help=f"{', '.join(PARTS)}, where none is named; {', '.join(LONG)}")
+    parts = f"{', '.join(PARTS)}, where none is named; {', '.join(LONG)}"
+    parser.add_argument("parts", nargs="*", default=PARTS, help=parts)
     parser.add_argument("--turns", type=int, default=300, help="turns that a particle has to survive")
     parser.add_argument("--pairs", type=int, default=8000, help="pairs to train with")
     parser.add_argument("--iterations", type=int, default=500)

@@ -25,7 +25,7 @@ pub struct IslandSearch {
     /// How far on either side of the orbit the ends are looked for, over the distance from that point.
     pub reach: f64,
     /// The number of maps after which an orbit of the island is still locked, and others are not; it is rounded up to
-    /// whole periods of the orbit, since within one the angle about a centre does not advance evenly.
+    /// whole periods of the orbit.
     pub maps: usize,
 }
 
@@ -42,8 +42,8 @@ impl IslandSearch {
     /// The island around the first of the points of an elliptic orbit, for the map that `follow` applies. None where
     /// the map does not hold that point in an island, or holds all points within reach.
     ///
-    /// An orbit in an island stays in it: after N maps it has gained as much as the elliptic orbit, up to the way from one
-    /// island to the next. The number of islands is the period.
+    /// An orbit in an island stays in it: after N maps it has gained as much as the elliptic orbit, up to the way from
+    /// one island to the next. The number of islands is the period.
     ///
     /// Source: Cary and Hanson, <https://doi.org/10.1063/1.859829>, for islands around an elliptic orbit; their width
     /// is to leading order in its residue, this one by following orbits.
@@ -73,22 +73,17 @@ impl IslandSearch {
         }
         let ray = angle(&points[0]);
         let (sin, cos) = libm::sincos(ray);
-        // By the angle about a point, islands of a chain are of unlike widths, and orbits advance unevenly from one to the
-        // next. By the number of the island and the share of the way to the next one they are alike.
+        // By the angle about a point, islands of a chain are of unlike widths, and orbits advance unevenly from one to
+        // the next. By the number of the island and the share of the way to the next one they are alike.
         let islands = points.len();
         let mut places: Vec<f64> = points.iter().map(|point| angle(point)).collect();
         places.sort_by(f64::total_cmp);
         let phase = |z: &[f64]| {
             let angle = angle(z);
-            let after = places.iter().take_while(|place| **place <= angle).count();
-            let (last, next) = ((after + islands - 1) % islands, after % islands);
-            let turn = |value: f64| if after == 0 || after == islands { value } else { 0.0 };
-            let (from, to) = match after {
-                0 => (places[last] - turn(TAU), places[next]),
-                _ => (places[last], places[next] + turn(TAU)),
-            };
-            let share = (angle - from) / (to - from);
-            TAU * (last as f64 + share) / islands as f64
+            let after = places.partition_point(|place| *place <= angle);
+            let from = if after > 0 { places[after - 1] } else { places[islands - 1] - TAU };
+            let to = if after < islands { places[after] } else { places[0] + TAU };
+            TAU * (after as f64 - 1.0 + (angle - from) / (to - from)) / islands as f64
         };
         let steps = (phase(&points[1 % islands]) - phase(&points[0])) / TAU;
         let winding = (steps * islands as f64).round() / islands as f64;

@@ -131,7 +131,8 @@ pub fn divergence(system: &impl Hamiltonian, z: &[f64], time: f64) -> f64 {
     sum
 }
 
-/// The functions of the actions that the closed form of an average takes as constants: at most four, others are 0. See [`NearlyPeriodic::average_constants`].
+/// The functions of the actions that the closed form of an average takes as constants: at most four, others are 0. See
+/// [`NearlyPeriodic::average_constants`].
 pub type AverageConstants<S = f64> = [S; 4];
 
 /// A nearly-periodic system.

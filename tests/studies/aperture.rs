@@ -26,8 +26,8 @@ fn scene(aperture: &str, pairs: &Path) -> String {
     format!("{}{aperture}", head.replace("PAIRS", &pairs.display().to_string()))
 }
 
-/// The share of each ray up to which all points stay for so many maps by Hénon's map itself, within twice the box of its
-/// pairs.
+/// The share of each ray up to which all points stay for so many maps by Hénon's map itself, within twice the box of
+/// its pairs.
 fn of_the_map(pairs: &Pairs, maps: usize) -> Vec<f64> {
     let all = || pairs.input().chunks_exact(4).chain(pairs.output().chunks_exact(4));
     let box_of: Vec<[f64; 2]> = (0..4)
@@ -153,8 +153,8 @@ fn apertures_are_in_the_units_of_the_data() {
     assert_eq!(shares(&outside[0], 0), [0.0; 9]);
 }
 
-/// The sextupole has the mirror symmetry of plane 2. With that of plane 1, which it does not have, the polynomial finds no
-/// images, and the report says so.
+/// The sextupole has the mirror symmetry of plane 2. With that of plane 1, which it does not have, the polynomial finds
+/// no images, and the report says so.
 #[test]
 fn the_mirror_of_the_midplane_is_one_of_the_ring() {
     let folder = temporary();

@@ -252,11 +252,11 @@ impl ApertureOptions {
     fn words(&self) -> String {
         let names = self.along.map(coordinate);
         format!(
-            "{} rays from {:?} in {} and {}, to {} along the first and {} along the second of these, {} points on each. \
-             The aperture along a ray is the largest distance from the centre up to which the orbits from all of its \
+            "{} rays from {:?} in {} and {}, to {} along the first and {} along the second of these, {} points on \
+             each. The aperture along a ray is the largest distance from the centre up to which the orbits from all of its \
              points stay, to within the spacing of the points, in the two coordinates as they are. An orbit is lost \
-             where it leaves a box {WIDER} times as wide as that of the pairs; near the aperture motion is chaotic, and \
-             maps that differ little lose other orbits.",
+             where it leaves a box {WIDER} times as wide as that of the pairs; near the aperture motion is chaotic, \
+             and maps that differ little lose other orbits.",
             self.rays, self.centre, names[0], names[1], self.reach[0], self.reach[1], self.points,
         )
     }

@@ -494,8 +494,8 @@ impl Judge<'_> {
         Ok(Chain { centre: of(true), corner: of(false), width: None })
     }
 
-    /// Where the orbits of a resonance begin that a map has on the line Z = 0, to half as far again on either side of the
-    /// axis as the resonance is on one. A map that is not reversible has none.
+    /// Where the orbits of a resonance begin that a map has on the line Z = 0, to half as far again on either side of
+    /// the axis as the resonance is on one. A map that is not reversible has none.
     pub(super) fn on_symmetry_line(
         &self,
         map: &SectionMap<'_>,
