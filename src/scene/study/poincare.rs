@@ -874,17 +874,24 @@ impl Fixed {
         let Some(on_line) = &self.on_line else { return String::new() };
         let found = |kind: &str, apart: Option<f64>| match apart {
             Some(apart) => {
-                format!("to a {kind} that is {} m away", Format::Exponent(1).number(apart))
+                format!("a {kind}, {} m from that above", Format::Exponent(1).number(apart))
             }
-            None => format!("to no {kind}"),
+            None => format!("no {kind}"),
+        };
+        let of_reference = match on_line.orbits {
+            0 => "None of this rotation is found on it by the reference.".to_owned(),
+            orbits => format!(
+                "Of this rotation {orbits} {} found on it by the reference; from there Newton's method in the field \
+                 leads to {} and to {}.",
+                if orbits == 1 { "is" } else { "are" },
+                found("centre", on_line.centre),
+                found("corner", on_line.corner)
+            ),
         };
         format!(
-            " Orbits that the mirror Z → −Z maps to themselves have points on the line Z = 0, of an even period two or \
-             none, and are found there without a guess. The reference has {} with this rotation, which lead {} and {}. \
-             Only reversible maps have such orbits exactly.",
-            on_line.orbits,
-            found("centre", on_line.centre),
-            found("corner", on_line.corner)
+            " Orbits that the mirror Z → −Z maps to themselves are looked for on the line Z = 0 without a guess: of an \
+             odd period each has one point there, of an even one two or none. {of_reference} Only reversible maps have \
+             such orbits exactly."
         )
     }
 
