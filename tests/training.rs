@@ -1252,12 +1252,12 @@ fn as_many_pairs_as_before_are_begun_with() {
             shape.architecture(1.0).initialise(InitialWeights::Glorot, 0.0, 1).expect("a model");
         for pairs in 1..5000 {
             let mut options = LevenbergMarquardtOptions { residuals: 1e-9, ..Default::default() };
-            options.begin_with(pairs, &model);
-            assert_eq!(options.pairs(&model, 5000), pairs);
-            assert_eq!(options.pairs(&model, pairs), pairs);
+            options.begin_with(pairs, model.architecture());
+            assert_eq!(options.pairs(model.architecture(), 5000), pairs);
+            assert_eq!(options.pairs(model.architecture(), pairs), pairs);
         }
         let mut options = LevenbergMarquardtOptions::default();
-        options.begin_with(1, &model);
+        options.begin_with(1, model.architecture());
         assert_eq!(options, LevenbergMarquardtOptions::default());
     }
 }

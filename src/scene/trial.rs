@@ -6,7 +6,7 @@ use super::folder::Folder;
 use super::learning::leading_up;
 use super::plan::{Job, Task};
 use super::registry::Scene;
-use super::setup::{Data, SeededTraining};
+use super::setup::{Data, ModelSpec, SeededTraining};
 use crate::train::{TrainingOptions, TrainingStage};
 use std::time::{Duration, Instant};
 
@@ -106,24 +106,19 @@ impl Trial {
         let mut context = Context::new(&declared, &folder, &[], &mut watch);
         let made = context.data().is_ok();
         let data = made.then(|| start.elapsed().as_secs_f64() / share);
+        let pairs = context.data().map_or(0, |data| data.training.len());
         let mut of = |attempt: SeededTraining| {
             // It is interrupted, or over, or fails; what it took until then is watched.
             let ended = context.of_setup(&attempt.spec.name);
             drop(ended);
-            attempt.network
+            let more = more_pairs_an_iteration(scene, &attempt.spec, pairs, share);
+            (attempt.network, more)
         };
         let own = short.setup.attempts().filter(|attempt| !attempt.spec.network.is_of_file());
-        let networks: Vec<String> = if made { own.map(&mut of).collect() } else { Vec::new() };
-        let seconds = |network: String| {
-            let of_network = watch.iterations.iter().filter(|(model, _)| *model == network);
-            let times: Vec<Duration> = of_network.map(|(_, time)| *time).collect();
-            let each = match times[..] {
-                [] => return None,
-                [only] => only,
-                // The first takes what it takes to begin, too.
-                [first, .., last] => (last - first) / (times.len() - 1) as u32,
-            };
-            Some((network, each.as_secs_f64() / share))
+        let networks: Vec<_> = if made { own.map(&mut of).collect() } else { Vec::new() };
+        let seconds = |(network, more): (String, Option<f64>)| {
+            let each = watch.seconds_an_iteration(&network)?;
+            Some((network, each * more?))
         };
         let iterations = networks.into_iter().filter_map(seconds).collect();
         Some(Self { data, iterations })
@@ -152,23 +147,57 @@ impl Trial {
     }
 }
 
+/// How many times as many pairs an iteration of a training looks at as one of its trial, which has this share of them.
+fn more_pairs_an_iteration(
+    scene: &Scene,
+    spec: &ModelSpec,
+    pairs: usize,
+    share: f64,
+) -> Option<f64> {
+    let (target, time) = (scene.setup.target()?, scene.setup.flow_time?);
+    let action = target.circle_action().into();
+    let architecture = spec.network.architecture(&action, target.epsilon(), time).ok()?;
+    let optimiser = &scene.setup.training_of(spec).optimiser;
+    let looks_at = |all: usize| optimiser.pairs_of_iteration(&architecture, all) as f64;
+    Some(looks_at((pairs as f64 / share).round() as usize) / looks_at(pairs))
+}
+
 /// Takes the times of the iterations of each network, and ends each training after a moment.
 #[derive(Default)]
 struct Watch {
     /// When the stage under way began.
     start: Option<Instant>,
-    /// Since then.
-    iterations: Vec<(String, Duration)>,
+    /// The network, how many it has done, and the time since then.
+    iterations: Vec<(String, u64, Duration)>,
     long_enough: bool,
+}
+
+impl Watch {
+    fn seconds_an_iteration(&self, network: &str) -> Option<f64> {
+        let mut of_network = self.iterations.iter().filter(|(model, _, _)| model == network);
+        let (_, first, begun) = of_network.next()?;
+        let seconds = match of_network.next_back() {
+            // The first takes what it takes to begin, too.
+            Some((_, last, ended)) => (*ended - *begun).as_secs_f64() / (last - first) as f64,
+            None => begun.as_secs_f64(),
+        };
+        Some(seconds)
+    }
 }
 
 impl Observer for Watch {
     fn event(&mut self, event: Event<'_>) {
         match event {
             Event::Stage(_) => (self.start, self.long_enough) = (Some(Instant::now()), false),
-            Event::Iteration { model, .. } => {
+            Event::Iteration { model, record, .. } => {
                 let since = self.start.map(|start| start.elapsed()).unwrap_or_default();
-                self.iterations.push((model.to_owned(), since));
+                // An interrupted training ends with its last record once more.
+                let known = |(of, done, _): &(String, u64, Duration)| {
+                    of == model && *done == record.iteration
+                };
+                if !self.iterations.last().is_some_and(known) {
+                    self.iterations.push((model.to_owned(), record.iteration, since));
+                }
                 self.long_enough = since >= LONG_ENOUGH;
             }
             Event::Progress { .. } | Event::Trained { .. } => {}

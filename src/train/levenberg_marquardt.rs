@@ -19,7 +19,7 @@ use super::minimise::{Minimise, OptimiserState, Problem, Resumed, Step, largest}
 use super::record::Stop;
 use super::{NormalEquations, Objective};
 use crate::error::Error;
-use crate::network::Model;
+use crate::network::Architecture;
 use faer::linalg::solvers::Solve;
 use faer::{Mat, Side};
 use serde::{Deserialize, Serialize};
@@ -65,24 +65,24 @@ impl LevenbergMarquardtOptions {
     }
 
     /// Parameters for each residual of a pair.
-    fn parameters_a_residual(model: &Model) -> f64 {
-        model.composition().parameters().len() as f64 / (2 * model.composition().dof()) as f64
+    fn parameters_a_residual(architecture: &Architecture) -> f64 {
+        architecture.parameter_count() as f64 / (2 * architecture.dof) as f64
     }
 
     /// The pairs to begin with, of so many.
     #[doc(hidden)]
-    pub fn pairs(&self, model: &Model, all: usize) -> usize {
-        let wanted = (self.residuals * Self::parameters_a_residual(model)).ceil();
+    pub fn pairs(&self, architecture: &Architecture, all: usize) -> usize {
+        let wanted = (self.residuals * Self::parameters_a_residual(architecture)).ceil();
         let part = self.residuals > 0.0 && wanted < all as f64;
         if part { wanted as usize } else { all }
     }
 
     /// Begins with at least so many pairs.
     #[doc(hidden)]
-    pub fn begin_with(&mut self, pairs: usize, model: &Model) {
+    pub fn begin_with(&mut self, pairs: usize, architecture: &Architecture) {
         if self.residuals > 0.0 {
             // Half a pair less, which rounding up gives back, and not one more.
-            let residuals = (pairs as f64 - 0.5) / Self::parameters_a_residual(model);
+            let residuals = (pairs as f64 - 0.5) / Self::parameters_a_residual(architecture);
             self.residuals = self.residuals.max(residuals);
         }
     }
@@ -158,7 +158,7 @@ impl<'a> LevenbergMarquardt<'a> {
         problem: Problem<'a>,
         options: &LevenbergMarquardtOptions,
     ) -> Result<Self, Error> {
-        let pairs = options.pairs(problem.model, problem.objective.pairs().len());
+        let pairs = options.pairs(problem.model.architecture(), problem.objective.pairs().len());
         let (damping, growth) = (options.damping, 2.0);
         let state = LevenbergMarquardtState {
             damping,

@@ -4,7 +4,7 @@ use super::record::at_least_one;
 use super::stages::{FreshTwists, RampStage, Starts, not_a_normal_form};
 use super::{AdamOptions, LbfgsOptions, LevenbergMarquardtOptions, Loss};
 use crate::error::Error;
-use crate::network::{Architecture, Model, Part, Structure};
+use crate::network::{Architecture, Part, Structure};
 use serde::{Deserialize, Serialize};
 
 /// The optimiser, with its options.
@@ -42,9 +42,18 @@ impl Optimiser {
     }
 
     /// Makes an optimiser that begins with a part of the pairs begin with at least `pairs`.
-    pub(super) fn begin_with(&mut self, pairs: usize, model: &Model) {
+    pub(super) fn begin_with(&mut self, pairs: usize, architecture: &Architecture) {
         if let Self::LevenbergMarquardt(options) = self {
-            options.begin_with(pairs, model);
+            options.begin_with(pairs, architecture);
+        }
+    }
+
+    /// Pairs that an iteration looks at, of so many: at the beginning of a training, and without pairs at which the loss
+    /// alone is taken.
+    pub(crate) fn pairs_of_iteration(&self, architecture: &Architecture, all: usize) -> usize {
+        match self {
+            Self::LevenbergMarquardt(options) => options.pairs(architecture, all),
+            Self::Lbfgs(_) | Self::Adam(_) => all,
         }
     }
 

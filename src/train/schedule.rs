@@ -223,7 +223,7 @@ pub fn train_schedule(
                 && stage.best.iteration > 0
         };
         let pairs = stages.iter().find(learnt).map_or(0, |stage| stage.best.pairs);
-        options.optimiser.begin_with(pairs, &model);
+        options.optimiser.begin_with(pairs, model.architecture());
     }
     let run = Run {
         stage: TrainingStage::Last,

@@ -390,6 +390,25 @@ fn plans_of_odd_names_and_places() {
     assert!(seconds[0].is_number() && seconds[1].is_number(), "{seconds:?}");
 }
 
+/// An iteration of Levenberg–Marquardt looks at a part of the pairs, however many there are, one of L-BFGS at all.
+#[test]
+fn what_a_training_takes_is_of_the_pairs_that_it_looks_at() {
+    let folder = folder();
+    let path = folder.path();
+    let seconds = |optimiser: &str, samples: &str| {
+        let scene = SCENE.replace("samples = 400 ", &format!("samples = {samples} ")).replace(
+            "[training]",
+            &format!("[training]\noptimiser = {{ kind = \"{optimiser}\" }}"),
+        );
+        std::fs::write(path.join("of.toml"), scene).expect("written");
+        plan(path, &["of.toml"])[1]["seconds"].as_f64().expect("seconds")
+    };
+    let more = |optimiser: &str| seconds(optimiser, "4000000") / seconds(optimiser, "400");
+    let (of_part, of_all) = (more("levenberg-marquardt"), more("l-bfgs"));
+    // Of ten thousand times as many pairs.
+    assert!(of_part < 100.0 && of_all > 100.0, "{of_part} {of_all}");
+}
+
 #[cfg(target_os = "linux")]
 #[test]
 fn a_folder_whose_name_is_no_text() {
