@@ -1,7 +1,6 @@
 //! One evaluation of the loss and of its gradient on 60,000 pairs, and of the normal
-//! equations of Levenberg–Marquardt on 20,000, for the models of the paper, and its share of the fused multiply-adds that a core does
-//! in the same process: `cargo bench --bench training`, with `-- --quick` in less
-//! than a minute.
+//! equations of Levenberg–Marquardt on 20,000, for the models of the paper, and its share of the fused multiply-adds
+//! that a core does in the same process: `cargo bench --bench training`, with `-- --quick` in less than a minute.
 //!
 //! `RAYON_NUM_THREADS=1 cargo bench --bench training` is the same on one core.
 //!

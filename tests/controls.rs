@@ -201,7 +201,8 @@ fn derivatives_of_the_loss_are_those_of_differences() {
     }
 }
 
-/// Hénon's quadratic map, turned by an angle and kicked by a strength that depend on two controls: exact and symplectic.
+/// Hénon's quadratic map, turned by an angle and kicked by a strength that depend on two controls: exact and
+/// symplectic.
 fn henon([a, b]: [f64; 2], z: &mut [f64]) {
     let (sin, cos) = (0.7 + 0.05 * a + 0.01 * a * a).sin_cos();
     let p = z[1] - (0.2 + 0.1 * b) * z[0] * z[0];
@@ -619,7 +620,8 @@ fn polynomials_follow_their_controls() {
     let family = PolynomialFamily::fit(&pairs, 2, &controls).expect("enough pairs");
     // Six products of q and p, six of the controls, for q and for p.
     assert_eq!(family.parameters(), 6 * 6 * 2);
-    // The sine and the cosine of a quadratic angle are no polynomials of second degree, nor their product with a strength.
+    // The sine and the cosine of a quadratic angle are no polynomials of second degree, nor their product with a
+    // strength.
     let error = |at: [f64; 2]| {
         family.at(&at).expect("two values").error_on(&pairs_of_henon(&[at], 50, 6).0)
     };

@@ -131,7 +131,8 @@ fn a_tokamak_has_its_ripple_and_the_current_of_its_plasma() {
     }
 }
 
-/// The map over a period of a tokamak has its axis near the middle of the plasma, and turns about it as the current says.
+/// The map over a period of a tokamak has its axis near the middle of the plasma, and turns about it as the current
+/// says.
 #[test]
 fn lines_of_a_tokamak_turn_about_its_plasma() {
     let tokamak = Tokamak::default();
@@ -996,8 +997,8 @@ fn mirrored_polynomials_commute_with_the_mirror_at_every_degree() {
     }
 }
 
-/// The inverse of the inverse is the map; both lead back to rounding, at points of the box that no pair has, and both are
-/// symplectic.
+/// The inverse of the inverse is the map; both lead back to rounding, at points of the box that no pair has, and both
+/// are symplectic.
 #[test]
 fn symplectic_polynomials_are_undone_by_their_inverses() {
     let one = pairs_of(1, 800, 0.5, kick_and_turn);

@@ -118,8 +118,8 @@ fn a_degree_is_taken_as_it_is_given() {
     assert!(even.chosen().error < 1.5 * fitted.chosen().error);
 }
 
-/// The linear part of a map of a large plane and a small one is found with what each does to the other: nothing of it is
-/// left for the generating function.
+/// The linear part of a map of a large plane and a small one is found with what each does to the other: nothing of it
+/// is left for the generating function.
 #[test]
 fn planes_of_different_sizes_are_coupled_as_they_are() {
     for size in [1.0, 1e-3] {

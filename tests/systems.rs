@@ -1340,8 +1340,8 @@ fn averaged_equations_have_their_orders() {
     assert!(both.expect_err("no closed form").to_string().contains("closed"));
 }
 
-/// The limit of a particle in its field turns planes in coordinates of the momenta Π: of the paper's profiles. The closed form is what the angles average there; where planes of P are taken for those of Π there is
-/// no order.
+/// The limit of a particle in its field turns planes in coordinates of the momenta Π: of the paper's profiles. The
+/// closed form is what the angles average there; where planes of P are taken for those of Π there is no order.
 #[test]
 fn averaged_equations_of_a_particle_in_its_field_have_their_orders() {
     let intervals = [2.3, 4.3, 8.3, 16.3, 32.3].map(|periods| periods * TAU);

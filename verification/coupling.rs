@@ -117,8 +117,8 @@ fn holds() {
     suite::assert_holds(rows(), STATED);
 }
 
-/// JᵀΩJ = Ω is refused on every single network and at every point, and rightly: where couplings shift alone, in one degree of
-/// freedom, in which every shift is by a gradient, it holds.
+/// JᵀΩJ = Ω is refused on every single network and at every point, and rightly: where couplings shift alone, in one
+/// degree of freedom, in which every shift is by a gradient, it holds.
 #[test]
 fn symplecticity_is_refused_where_volumes_change_and_there_alone() {
     let mut stream = Stream::new(suite::seed(), "refused");

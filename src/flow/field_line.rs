@@ -93,8 +93,8 @@ impl<'a> LineMap<'a> {
     }
 
     /// The points after 1, …, `maps` maps, rows (R, Z): all points after the first map, then all after the second, …
-    /// A line that is further from the middle of the machine than any coil is lost: its points are NaN from there on. For
-    /// lines that run into a coil see [`LineMap::nearest_to_coils`].
+    /// A line that is further from the middle of the machine than any coil is lost: its points are NaN from there on.
+    /// For lines that run into a coil see [`LineMap::nearest_to_coils`].
     ///
     /// # Errors
     /// When there are no whole rows, or the states do not fit into memory.

@@ -33,8 +33,8 @@ impl PolynomialOnSection {
     /// The fit to pairs of data, with these symmetries in the chart.
     ///
     /// # Errors
-    /// Those of [`SymplecticPolynomial::fit_symmetric`]; when there are no pairs, the section is of other degrees of freedom, or a
-    /// point is not on it.
+    /// Those of [`SymplecticPolynomial::fit_symmetric`]; when there are no pairs, the section is of other degrees of
+    /// freedom, or a point is not on it.
     pub fn fit(
         pairs: &Pairs,
         degree: usize,
@@ -107,7 +107,8 @@ impl PolynomialOnSection {
         self.section.as_ref().map_or(Ok(()), |section| section.check_points(place, points))
     }
 
-    /// The root mean square distance of its images from those of pairs of data; NaN where an image is not on the section.
+    /// The root mean square distance of its images from those of pairs of data; NaN where an image is not on the
+    /// section.
     ///
     /// # Errors
     /// When the pairs are of other degrees of freedom, or a point of them is not on the section.

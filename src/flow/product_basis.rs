@@ -214,8 +214,8 @@ impl ProductBasis {
         }
     }
 
-    /// T_k of a coordinate of G points, and its derivatives of order 1, 2, … by that coordinate: one table of k up to the
-    /// degree for each order, as many as `tables` holds.
+    /// T_k of a coordinate of G points, and its derivatives of order 1, 2, … by that coordinate: one table of k up to
+    /// the degree for each order, as many as `tables` holds.
     #[inline(always)]
     pub(super) fn fill_with_derivatives<S: Scalar, const G: usize>(
         &self,

@@ -517,7 +517,8 @@ fn generator_of(
     const ITERATIONS: usize = 50;
     let [angles, radii] = ring(nodes, points)?;
     let wanted: Vec<f64> = (0..nodes * nodes).map(|number| radii.node(number % nodes)).collect();
-    // The secant method finds the ρ that the map takes to each ρ′. It begins with slopes of 1: surfaces are near circles.
+    // The secant method finds the ρ that the map takes to each ρ′. It begins with slopes of 1: surfaces are near
+    // circles.
     let mut start = wanted.clone();
     let mut images = flow(&at_angles(&angles, &start))?;
     for (number, pair) in images.chunks_exact(2).zip(images.chunks_exact(2).skip(1)).enumerate() {

@@ -179,7 +179,8 @@ impl SymplecticPolynomial {
         Self::fit_symmetric(pairs, degree, &Symmetries { reversor, ..Symmetries::default() })
     }
 
-    /// The same for a map with these symmetries, which the fit has for all pairs; it errs where they are of another map.
+    /// The same for a map with these symmetries, which the fit has for all pairs; it errs where they are of another
+    /// map.
     ///
     /// # Errors
     /// Those of [`SymplecticPolynomial::fit_reversible`], and of [`Symmetries::check`].
@@ -212,7 +213,8 @@ impl SymplecticPolynomial {
         let both = symmetries.with_images(both, dof);
         let basis = ProductBasis::around(&both, dim, degree)?.even(symmetries.even(dof));
         let coefficients = generator(&basis, &middles, &before, &after)?;
-        // Of the map's images by its symmetries they are pairs too, and the start and the iterations have to do for them.
+        // Of the map's images by its symmetries they are pairs too, and the start and the iterations have to do for
+        // them.
         let (before, after) = match reversor {
             None => (before, after),
             Some(_) => {
@@ -260,8 +262,8 @@ impl SymplecticPolynomial {
     fn with_solution(mut self, points: &[f64], middles: &[f64]) -> Result<Self, Error> {
         let (dim, count, degree) = (2 * self.dof, self.coefficients.len(), self.basis.degree);
         let among = among(&ProductBasis::around(points, dim, 1)?);
-        // The cost of a step in products: those of the start, and each iteration's along the last coordinate and of sums
-        // with the coordinates before it.
+        // The cost of a step in products: those of the start, and each iteration's along the last coordinate and of
+        // sums with the coordinates before it.
         let of_run = |closes| (closes..dim - 1).map(|axis| jet(dim - axis)).sum::<usize>();
         let folds: usize = self.basis.runs.iter().map(|run| of_run(run.closes)).sum();
         let mut best: Option<(usize, Solution)> = None;
@@ -319,8 +321,8 @@ impl SymplecticPolynomial {
         (None, largest)
     }
 
-    /// Fails unless its parts are of one size, finite and symplectic; for maps that are read from files. Whether Newton's
-    /// method converges, as it did for the pairs of a fit, is not looked at.
+    /// Fails unless its parts are of one size, finite and symplectic; for maps that are read from files. Whether
+    /// Newton's method converges, as it did for the pairs of a fit, is not looked at.
     ///
     /// # Errors
     /// With the part that is not as it should be.
@@ -396,8 +398,8 @@ impl SymplecticPolynomial {
         Ok(())
     }
 
-    /// Points among the pairs: uniform in their box in the frame, shrunk by 1/√(2n) about its middle, and with images in
-    /// that of the images.
+    /// Points among the pairs: uniform in their box in the frame, shrunk by 1/√(2n) about its middle, and with images
+    /// in that of the images.
     ///
     /// # Errors
     /// [`Error::CountOutOfRange`] of no points or too many; [`Error::Invalid`] when nearly no points have such images.

@@ -45,8 +45,8 @@ impl StoredPolynomial {
     /// The states of the orbits of the map, or of its inverse.
     ///
     /// # Errors
-    /// Those of [`PolynomialOnSection::rollout_at_pace`]; when a point is not on the section; [`Error::Diverged`] when a
-    /// state is not of finite numbers.
+    /// Those of [`PolynomialOnSection::rollout_at_pace`]; when a point is not on the section; [`Error::Diverged`] when
+    /// a state is not of finite numbers.
     pub fn rollout_along(
         &self,
         direction: Direction,

@@ -51,7 +51,8 @@ pub fn certify_polynomial(
 }
 
 /// The laws of a map by a polynomial and of its inverse `back`, at points `starts` and at their images `ends`: that
-/// both are symplectic, undo each other and give the same bits on vector registers, and that `there` has these symmetries.
+/// both are symplectic, undo each other and give the same bits on vector registers, and that `there` has these
+/// symmetries.
 pub fn polynomial_laws(
     there: &dyn Measurable,
     back: &dyn Measurable,

@@ -7,8 +7,8 @@ use crate::error::Error;
 use crate::flow::Trajectories;
 use std::f64::consts::TAU;
 
-/// An island of a chain around a centre: the part of the ray from the centre through a point of the chain's elliptic orbit
-/// on which orbits stay in the island.
+/// An island of a chain around a centre: the part of the ray from the centre through a point of the chain's elliptic
+/// orbit on which orbits stay in the island.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Island {
     /// The distances from the centre between which orbits are locked to the resonance.

@@ -72,8 +72,8 @@ fn columns<const N: usize>(
 /// [`map_jacobians`](crate::network::map_jacobians) is exact. Cost: 4n evaluations per point.
 ///
 /// # Errors
-/// When `points` is not a whole number of points, when `out` has another size, and when h is not positive and finite, or
-/// does not move a coordinate.
+/// When `points` is not a whole number of points, when `out` has another size, and when h is not positive and finite,
+/// or does not move a coordinate.
 pub fn jacobians_by_differences(
     map: &Composition<f64>,
     step: f64,

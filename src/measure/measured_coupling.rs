@@ -6,8 +6,8 @@ use crate::phase::Direction;
 use crate::scalar::{Dual, Elementary, Scalar};
 
 /// A turned coupling. The scales of its errors are found by running it; how far it is from linear is
-/// derived by hand, since a neuron that saturates on both sides of a point is flat wherever it is looked at, and is a step
-/// in between.
+/// derived by hand, since a neuron that saturates on both sides of a point is flat wherever it is looked at, and is a
+/// step in between.
 pub(super) struct CouplingStep<'a, const D: usize> {
     coupling: TurnedCoupling<'a, f64, D>,
     tracked: TrackedStep<ShearMap<TurnedCoupling<'a, f64, D>>>,
@@ -20,7 +20,8 @@ impl<'a, const D: usize> CouplingStep<'a, D> {
     }
 }
 
-/// Of tanh next to a, for errors up to a hundred times d: a bound of its slope, and of how far it is from linear over d.
+/// Of tanh next to a, for errors up to a hundred times d: a bound of its slope, and of how far it is from linear over
+/// d.
 fn tanh_near(a: f64, d: f64) -> (f64, f64) {
     let slope = at_most(1.0, 4.0 * Elementary::exp(-2.0 * (a.abs() - ROOM * d)));
     // |tanh″| ≤ 2 sech².

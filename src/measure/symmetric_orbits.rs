@@ -6,8 +6,8 @@ use crate::layer::Reversor;
 use crate::phase::Half;
 use crate::scalar::max_or_nan;
 
-/// A part of the line of points that a reversor of a plane leaves in place: q = 0 where it changes the sign of q, with p
-/// along it, and p = 0 with q along it where it changes that of p.
+/// A part of the line of points that a reversor of a plane leaves in place: q = 0 where it changes the sign of q, with
+/// p along it, and p = 0 with q along it where it changes that of p.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SymmetryLine {
     /// The reversor S, with S∘P∘S = P⁻¹.
@@ -75,8 +75,8 @@ impl SymmetryLine {
     }
 }
 
-/// Finds the periodic orbits of exactly this period that begin on the line of symmetry of a reversible map of a plane, in
-/// the order of their beginnings along it. Between samples at which the half orbit is on different sides of the line
+/// Finds the periodic orbits of exactly this period that begin on the line of symmetry of a reversible map of a plane,
+/// in the order of their beginnings along it. Between samples at which the half orbit is on different sides of the line
 /// its crossing is bracketed, and Newton's method goes on from there; what leads to no orbit, or to one of a shorter
 /// period, is left out, as is a part of the line on which the map has no images. No guess is needed. An orbit that
 /// crosses the line at two samples' intervals is returned once. That the map is reversible is not tested: one that is

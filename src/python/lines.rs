@@ -230,8 +230,9 @@ impl FieldLines {
         orbits::symmetric_orbits_of(py, &self.section, line, period)
     }
 
-    /// The island around the elliptic orbit of `period` steps near `guess`, of a map of a plane, on the ray from `around`
-    /// through the first point of the orbit, in metres: low, high, width and angle, as of `Model.island`, or None.
+    /// The island around the elliptic orbit of `period` steps near `guess`, of a map of a plane, on the ray from
+    /// `around` through the first point of the orbit, in metres: low, high, width and angle, as of `Model.island`, or
+    /// None.
     #[pyo3(signature = (guess, period=1, *, around, reach=0.15))]
     fn island<'py>(
         &self,
@@ -249,7 +250,8 @@ impl FieldLines {
         orbits::of_orbit(py, &self.section, &point, steps, lyapunov_exponent)
     }
 
-    /// The smaller alignment index of the orbit from `point` after `steps` steps, for distances in metres: 0 up to rounding in chaos.
+    /// The smaller alignment index of the orbit from `point` after `steps` steps, for distances in metres: 0 up to
+    /// rounding in chaos.
     fn alignment_index(&self, py: Python<'_>, point: Rows<'_>, steps: usize) -> PyResult<f64> {
         orbits::of_orbit(py, &self.section, &point, steps, smaller_alignment_index)
     }

@@ -504,10 +504,10 @@ impl Model {
 
     /// The periodic orbits of exactly `period` steps that begin on the line of symmetry of a reversible map of a plane,
     /// between `low` and `high` on that line: q = 0 for reversor="positions", p = 0 for "momenta", as in `train`. Of a
-    /// section (R, Z) that is Z = 0 and R = 0. No guess is needed: the line is looked at in `samples` points. Dictionaries
-    /// as of `periodic_orbits`, in the order of their beginnings, in units of the data. That the map is reversible is
-    /// not tested. Raises Error where the map has no image anywhere on the line, and of a model of more than one degree
-    /// of freedom.
+    /// section (R, Z) that is Z = 0 and R = 0. No guess is needed: the line is looked at in `samples` points.
+    /// Dictionaries as of `periodic_orbits`, in the order of their beginnings, in units of the data. That the map is
+    /// reversible is not tested. Raises Error where the map has no image anywhere on the line, and of a model of more
+    /// than one degree of freedom.
     #[pyo3(signature = (reversor, low, high, period=1, *, samples=200))]
     fn symmetric_orbits<'py>(
         &self,

@@ -278,8 +278,8 @@ impl PyInvariantCircle {
 
     /// The integral of rho over the inside of the curve, with the sign of its direction; `section` is a file of rho, as
     /// for train, and `controls` are the values of the controls, in the order of its lambda, where it has any. Of
-    /// points R, Z in metres and rho = B_phi in tesla it is the toroidal flux in webers. It is NaN where the curve leaves the
-    /// box of the file.
+    /// points R, Z in metres and rho = B_phi in tesla it is the toroidal flux in webers. It is NaN where the curve
+    /// leaves the box of the file.
     #[pyo3(signature = (section, controls=None))]
     fn flux(&self, section: PathBuf, controls: Option<Vec<f64>>) -> PyResult<f64> {
         let section = read_section(&section)?;

@@ -160,8 +160,8 @@ impl PySymplecticPolynomial {
         Ok(py.detach(|| self.map.error_on(&pairs))?)
     }
 
-    /// The states of the trajectories from `points`, (..., 2n), with one in `every` kept: (abs(steps) // every + 1, ...,
-    /// 2n), the points themselves first. Negative `steps` apply the inverse map. `outside` says what to do when a
+    /// The states of the trajectories from `points`, (..., 2n), with one in `every` kept: (abs(steps) // every + 1,
+    /// ..., 2n), the points themselves first. Negative `steps` apply the inverse map. `outside` says what to do when a
     /// trajectory leaves the box of the pairs by more than a hundredth of its width, beyond which polynomials grow
     /// without a bound: "warn" (UserWarning), "stop" (an Error) or "ignore".
     #[pyo3(signature = (points, steps=1, every=1, outside="warn"))]
@@ -219,8 +219,8 @@ impl PySymplecticPolynomial {
     }
 
     /// Tests at `samples` points in the middle of the box of the pairs whether the map is symplectic, undone by its
-    /// inverse, and reversible where it was fitted so, each to rounding: a `Certificate`. Raises Error when there are no
-    /// samples.
+    /// inverse, and reversible where it was fitted so, each to rounding: a `Certificate`. Raises Error when there are
+    /// no samples.
     #[pyo3(signature = (samples=200, seed=0))]
     fn verify(&self, py: Python<'_>, samples: usize, seed: u64) -> PyResult<PyCertificate> {
         let options = CertificateOptions { samples, seed, ..CertificateOptions::default() };
@@ -249,8 +249,8 @@ impl PySymplecticPolynomial {
         })
     }
 
-    /// The distinct orbits of exactly `period` steps that Newton's method finds from `guesses`, (N, 2n), in units of the data: a
-    /// dictionary each, as of `Model.periodic_orbits`. Raises Error of a point that is not on the section.
+    /// The distinct orbits of exactly `period` steps that Newton's method finds from `guesses`, (N, 2n), in units of
+    /// the data: a dictionary each, as of `Model.periodic_orbits`. Raises Error of a point that is not on the section.
     #[pyo3(signature = (guesses, period=1, apart=1e-6))]
     fn periodic_orbits<'py>(
         &self,
@@ -263,8 +263,9 @@ impl PySymplecticPolynomial {
     }
 
     /// The periodic orbits of exactly `period` steps that begin on the line of symmetry of a reversible map of a plane,
-    /// from `low` to `high` on it, in units of the data, found without a guess: dictionaries, as of `Model.symmetric_orbits`. The
-    /// line of a section with `reversor` "positions" is Z = 0. That the map is reversible is not tested.
+    /// from `low` to `high` on it, in units of the data, found without a guess: dictionaries, as of
+    /// `Model.symmetric_orbits`. The line of a section with `reversor` "positions" is Z = 0. That the map is reversible
+    /// is not tested.
     #[pyo3(signature = (reversor, low, high, period=1, *, samples=200))]
     fn symmetric_orbits<'py>(
         &self,
@@ -280,8 +281,9 @@ impl PySymplecticPolynomial {
         orbits::symmetric_orbits_of(py, &self.map, line, period)
     }
 
-    /// The island around the elliptic orbit of `period` steps near `guess`, of a map of a plane, on the ray from `around`
-    /// through the first point of the orbit, in units of the data: low, high, width and angle, as of `Model.island`, or None.
+    /// The island around the elliptic orbit of `period` steps near `guess`, of a map of a plane, on the ray from
+    /// `around` through the first point of the orbit, in units of the data: low, high, width and angle, as of
+    /// `Model.island`, or None.
     #[pyo3(signature = (guess, period=1, *, around, reach=0.15))]
     fn island<'py>(
         &self,
@@ -299,13 +301,15 @@ impl PySymplecticPolynomial {
         orbits::of_orbit(py, &self.map, &point, steps, lyapunov_exponent)
     }
 
-    /// The smaller alignment index of the orbit from `point` after `steps` steps, in units of the data: 0 up to rounding in chaos.
+    /// The smaller alignment index of the orbit from `point` after `steps` steps, in units of the data: 0 up to
+    /// rounding in chaos.
     fn alignment_index(&self, py: Python<'_>, point: Rows<'_>, steps: usize) -> PyResult<f64> {
         orbits::of_orbit(py, &self.map, &point, steps, smaller_alignment_index)
     }
 
-    /// A branch of the unstable or the stable manifold of the periodic orbit of `period` steps near `guess`, of a map of a
-    /// plane, in units of the data: points (N, 2), as of `Model.manifold`. Raises Error where points leave no such orbit.
+    /// A branch of the unstable or the stable manifold of the periodic orbit of `period` steps near `guess`, of a map
+    /// of a plane, in units of the data: points (N, 2), as of `Model.manifold`. Raises Error where points leave no such
+    /// orbit.
     #[pyo3(signature = (guess, period=1, *, stable=false, forward=true, start=1e-6, spacing=1e-2, length=1.0))]
     #[allow(clippy::too_many_arguments, reason = "keywords of Python")]
     fn manifold<'py>(

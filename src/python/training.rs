@@ -173,48 +173,40 @@ fn condition(of: Option<Condition>) -> (Option<f64>, Option<Vec<f64>>) {
 /// "kicked-gyroceptron", "henon-net" or "symp-net".
 /// psi, near_identity, kicks, twists, turned_twists, perturbation, layers: (layers, neurons) of the parts that it
 /// has, or (layers, (neurons, neurons)) of two widths by turns; (layers, neurons, "arctan") of neurons of arctan in
-/// place of tanh, (layers, polynomials, degree) of polynomials in place of neurons. A normal form with a perturbation is nearly integrable, of order one without it.
-/// radius: the half width of the box of polynomials, in units of the network: coordinates from -radius to radius.
-/// Unless given it is 1.1 times the largest coordinate of the pairs.
+/// place of tanh, (layers, polynomials, degree) of polynomials in place of neurons. A normal form with a perturbation
+/// is nearly integrable, of order one without it. radius: the half width of the box of polynomials, in units of the
+/// network: coordinates from -radius to radius. Unless given it is 1.1 times the largest coordinate of the pairs.
 /// reversor: makes the map reversible for all weights, S P S = P^-1, where S changes the signs of the "positions" or of
-/// the "momenta". Then P = A Phi T S A^-1 S, where A is the kicks and the perturbation, or the network.
-/// blocks: a network of your own in place of a named architecture: a list of dictionaries with layer
-/// ("henon", "turned-kick", "twist", "turned-twist", "turned-coupling", "symp-net"), widths, part ("conjugation",
-/// "chart", "slow-map", "perturbation", "near-identity", "none"), and scale and name where they are
-/// not the usual ones of the part; activation "arctan" of neurons that are not of tanh, degree, and radius where it is
-/// not that of the pairs, of polynomials.
-/// optimiser: "lm" (Levenberg-Marquardt, which gets furthest), "l-bfgs" or "adam".
-/// iterations: the largest number of iterations, 1000 unless given.
-/// starts: the number of sets of initial weights. Each is trained for 40 iterations, and the best goes on.
-/// ramp: stages before the training, on pairs with flow times of their own: a list of (flow time, iterations), or (flow
-/// time or None, degree, iterations) for polynomials of at most that degree.
+/// the "momenta". Then P = A Phi T S A^-1 S, where A is the kicks and the perturbation, or the network. blocks: a
+/// network of your own in place of a named architecture: a list of dictionaries with layer ("henon", "turned-kick",
+/// "twist", "turned-twist", "turned-coupling", "symp-net"), widths, part ("conjugation", "chart", "slow-map",
+/// "perturbation", "near-identity", "none"), and scale and name where they are not the usual ones of the part;
+/// activation "arctan" of neurons that are not of tanh, degree, and radius where it is not that of the pairs, of
+/// polynomials. optimiser: "lm" (Levenberg-Marquardt, which gets furthest), "l-bfgs" or "adam". iterations: the largest
+/// number of iterations, 1000 unless given. starts: the number of sets of initial weights. Each is trained for 40
+/// iterations, and the best goes on. ramp: stages before the training, on pairs with flow times of their own: a list of
+/// (flow time, iterations), or (flow time or None, degree, iterations) for polynomials of at most that degree.
 /// near_identity_penalty: the factor with which the mean square of I_epsilon(z) - z is added to the loss; of a map with
-/// a perturbation that of chi(K_epsilon(chi^-1(z))) - z.
-/// patience, target: stop when the held-out error has not improved for so many evaluations, one
-/// in ten iterations, or is at most the target; 0 never stops.
-/// plateau: stop when the held-out error has fallen by less than a tenth in so many iterations, 50
-/// with "lm" unless given; 0 never stops.
+/// a perturbation that of chi(K_epsilon(chi^-1(z))) - z. patience, target: stop when the held-out error has not
+/// improved for so many evaluations, one in ten iterations, or is at most the target; 0 never stops. plateau: stop when
+/// the held-out error has fallen by less than a tenth in so many iterations, 50 with "lm" unless given; 0 never stops.
 /// epsilon, flow_time: the values of the pairs, a number or an array (N,) with one for each pair. Unless given they are
 /// 0.01 and what the pairs determine. The network's own value is the largest of an array, or that of a tuple (own,
-/// array).
-/// loss_weights: the weights of the planes in the loss and in the held-out error that chooses the model: "auto", by the
-/// motion of each plane beside the rotation, "none", or n or 2n positive numbers.
-/// theta, theta_fixed, theta_penalty: the initial angle (unless given, that of the nearest rotation), whether it stays
-/// fixed, and the factor with which its squared distance from there is added to the loss.
-/// controls: what else the pairs depend on, such as currents: a dictionary of arrays (N,), with a value for each pair.
-/// The parameters are polynomials of the controls, and Model.at takes values between. control_degree: the total degree
-/// of these polynomials; unless given, the highest up to 4 with fewer terms than values to learn.
-/// section: for pairs (x, y) of one degree of freedom with the area form rho dx dy, an .npz file of rho on a grid:
-/// arrays x, y and density, (len(y), len(x)), and optionally scale, one number, 1 by default. A density that depends on
-/// controls, linearly, has an array lambda, (L,) or (L, controls), with their values in the order of `controls`, and is
-/// (L, len(y), len(x)). The model then takes and gives x, y.
-/// units: "fitted", in which pairs are of order one and turn in circles, or those of the "data".
-/// validation: the share of the pairs that is held out. seed: the seed of the weights and of that choice.
-/// report: a folder for a report with plots, which says whether to trust the model.
-/// checkpoint, resume: a file that the training keeps its state in, and whether it goes on from there, to
-/// the same bits.
-/// callback: called with (stage, iteration, loss, held-out error or None) at each iteration; False
-/// stops the training, and the best model of the stage that is stopped is returned.
+/// array). loss_weights: the weights of the planes in the loss and in the held-out error that chooses the model:
+/// "auto", by the motion of each plane beside the rotation, "none", or n or 2n positive numbers. theta, theta_fixed,
+/// theta_penalty: the initial angle (unless given, that of the nearest rotation), whether it stays fixed, and the
+/// factor with which its squared distance from there is added to the loss. controls: what else the pairs depend on,
+/// such as currents: a dictionary of arrays (N,), with a value for each pair. The parameters are polynomials of the
+/// controls, and Model.at takes values between. control_degree: the total degree of these polynomials; unless given,
+/// the highest up to 4 with fewer terms than values to learn. section: for pairs (x, y) of one degree of freedom with
+/// the area form rho dx dy, an .npz file of rho on a grid: arrays x, y and density, (len(y), len(x)), and optionally
+/// scale, one number, 1 by default. A density that depends on controls, linearly, has an array lambda, (L,) or (L,
+/// controls), with their values in the order of `controls`, and is (L, len(y), len(x)). The model then takes and gives
+/// x, y. units: "fitted", in which pairs are of order one and turn in circles, or those of the "data". validation: the
+/// share of the pairs that is held out. seed: the seed of the weights and of that choice. report: a folder for a report
+/// with plots, which says whether to trust the model. checkpoint, resume: a file that the training keeps its state in,
+/// and whether it goes on from there, to the same bits. callback: called with (stage, iteration, loss, held-out error
+/// or None) at each iteration; False stops the training, and the best model of the stage that is stopped is returned.
 ///
 /// Warns (UserWarning) when the pairs fit far better in another order of columns or with another
 /// circle action. Raises Error when an argument is wrong, an array has a mask or numbers that are

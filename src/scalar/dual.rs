@@ -78,9 +78,9 @@ impl<S: Scalar, const N: usize> Dual<S, N> {
     }
 }
 
-/// From so many derivatives on an operation is a function of its own where debug assertions are on: a step of a layer has
-/// hundreds of operations, and takes long to compile with all of them in it. In a release build it would take a fifth
-/// longer to run.
+/// From so many derivatives on an operation is a function of its own where debug assertions are on: a step of a layer
+/// has hundreds of operations, and takes long to compile with all of them in it. In a release build it would take a
+/// fifth longer to run.
 const MANY: usize = if cfg!(debug_assertions) { 8 } else { usize::MAX };
 
 /// An operation of two duals: in its place, and as a function of its own.

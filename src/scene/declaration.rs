@@ -197,9 +197,9 @@ impl Scene {
     }
 
     /// A short form of the scene, to see all of it: a quarter of the iterations of
-    /// training and of the pairs, or of the length of orbits (of field lines half as many, half as long), one start, one
-    /// draw of twists and one seed for each network, orbits of random networks of a tenth of the length and the longest
-    /// of a thousandth.
+    /// training and of the pairs, or of the length of orbits (of field lines half as many, half as long), one start,
+    /// one draw of twists and one seed for each network, orbits of random networks of a tenth of the length and the
+    /// longest of a thousandth.
     pub fn quick(mut self) -> Self {
         let fewer = |training: &mut TrainingOptions| {
             let shorter = |iterations: u64| (iterations / 4).max(20).min(iterations);

@@ -83,8 +83,8 @@ pub enum Style {
     Dashed,
     /// A dot at each point.
     Dots,
-    /// A line with marks at its points, at most 32 of them; the number of its colour chooses their form and the dashes of
-    /// the line.
+    /// A line with marks at its points, at most 32 of them; the number of its colour chooses their form and the dashes
+    /// of the line.
     Marked,
 }
 

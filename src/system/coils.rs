@@ -249,8 +249,9 @@ impl Torsatron {
 /// The coils of a tokamak by formula: circular coils in poloidal planes, whose number makes the ripple of the toroidal
 /// field, and the current of the plasma, a ring with a width.
 ///
-/// Coil j of N is the circle R = R₀ + b cos t, Z = −b sin t at φ = 2πj/N; its current makes B_φ positive. The current I of a plasma of radius R₁ and width w
-/// gives |ι| = μ₀I R₁/2πB(s² + w²) at a distance s from its middle, up to terms in w/R₁.
+/// Coil j of N is the circle R = R₀ + b cos t, Z = −b sin t at φ = 2πj/N; its current makes B_φ positive. The current I
+/// of a plasma of radius R₁ and width w gives |ι| = μ₀I R₁/2πB(s² + w²) at a distance s from its middle, up to terms in
+/// w/R₁.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Tokamak {

@@ -106,8 +106,8 @@ impl PolynomialFit {
     /// The fit. `observe` is shown each degree that was tried, and says whether to go on.
     ///
     /// # Errors
-    /// Those of [`PolynomialOnSection::fit`]; when no degree is given and no pairs are held out; [`Error::Stopped`] when
-    /// `observe` asks to stop, and its errors.
+    /// Those of [`PolynomialOnSection::fit`]; when no degree is given and no pairs are held out; [`Error::Stopped`]
+    /// when `observe` asks to stop, and its errors.
     pub fn run(
         &self,
         pairs: Pairs,

@@ -194,8 +194,8 @@ fn pairs_of_one_time_train_a_normal_form() {
     }
 }
 
-/// Pairs of a flow with friction: couplings learn them, in units of their own, and are certified, asked, sent to files and
-/// read back; the command that the report gives trains them again.
+/// Pairs of a flow with friction: couplings learn them, in units of their own, and are certified, asked, sent to files
+/// and read back; the command that the report gives trains them again.
 #[test]
 fn couplings_are_trained_on_pairs_with_friction() {
     let folder = folder();

@@ -394,8 +394,8 @@ fn the_second_order_of_an_invariant_and_of_the_roto_rate_gain_orders() {
     assert!(series.terms(&[0.6, 0.2, 0.1]).is_err());
 }
 
-/// The flow of the roto-rate of first order, by RK4, is back after 2π up to O(ε²), in slow planes too; after a time that
-/// is longer by a share ε, up to O(ε).
+/// The flow of the roto-rate of first order, by RK4, is back after 2π up to O(ε²), in slow planes too; after a time
+/// that is longer by a share ε, up to O(ε).
 #[test]
 fn the_flow_of_the_roto_rate_has_period_two_pi() {
     let (epsilons, start, steps) = ([0.256, 0.128, 0.064], [0.2, 0.3, 0.1, -0.4], 80);

@@ -100,8 +100,8 @@ pub(super) fn check_parts(study: &str, scene: &Declared<'_>) -> Result<(), Error
     }
 }
 
-/// Fails unless trajectories of so many steps, of which so many lead from one state that is kept to the next, are of the
-/// system from these points.
+/// Fails unless trajectories of so many steps, of which so many lead from one state that is kept to the next, are of
+/// the system from these points.
 pub(super) fn check_along(
     scene: &Declared<'_>,
     steps: usize,
