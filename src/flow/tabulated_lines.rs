@@ -106,7 +106,12 @@ impl TabulatedLines {
             on_independent_lanes(Lines { map: self, kept: maps, initial, states });
             Ok(())
         })?;
-        lose(&mut states, initial.len(), |point| self.region.first_outside(&point).is_none());
+        lose(&mut states, initial.len(), |point| self.holds(&point));
+        for (line, _) in initial.chunks_exact(2).enumerate().filter(|(_, at)| !self.holds(at)) {
+            for row in states.chunks_exact_mut(initial.len()) {
+                row[2 * line..][..2].fill(f64::NAN);
+            }
+        }
         Ok(states)
     }
 
@@ -123,6 +128,11 @@ impl TabulatedLines {
             out.extend_from_slice(&moved[moved.len() - initial.len()..]);
         }
         Ok(out)
+    }
+
+    /// Whether a point of the section is in the box of its planes, out of which lines are lost.
+    pub fn holds(&self, point: &[f64]) -> bool {
+        self.region.first_outside(point).is_none()
     }
 
     /// As [`LineMap::with_jacobian`].

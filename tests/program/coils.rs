@@ -4,11 +4,13 @@ use crate::helpers::{call, folder, refuses, succeeds, text};
 use gyroceptron::flow::{LineRequest, LineSection};
 use gyroceptron::io::{StoredModel, load_model, read_trajectories, write_points};
 use gyroceptron::layer::Reversor;
+use gyroceptron::measure::orbits::lyapunov_exponent;
 use gyroceptron::network::Rollout;
 use gyroceptron::scalar::max_or_nan;
 use gyroceptron::scene::{Event, Folder, Observer, parse, run};
 use gyroceptron::system::{Coil, CoilSet, Tokamak, Torsatron};
 use serde_json::Value;
+use std::f64::consts::TAU;
 use std::fmt::Write;
 use std::path::Path;
 
@@ -261,6 +263,75 @@ fn check_edge(found: &Value, stored: &StoredModel, axis: [f64; 2]) {
     assert_eq!(lost, 1, "{found}");
 }
 
+/// What `run` reports of a scene with these changes to its text.
+fn report_of(path: &Path, scene: &str, changes: &[(&str, &str)]) -> Value {
+    let mut text = scene.to_owned();
+    for (from, to) in changes {
+        assert!(text.contains(from), "{from}: {text}");
+        text = text.replace(from, to);
+    }
+    std::fs::write(path.join("lines.toml"), text).expect("written");
+    succeeds(path, &["run", "lines.toml", "--out", "a"]);
+    let report = std::fs::read_to_string(path.join("a/report.json")).expect("a report");
+    serde_json::from_str(&report).expect("JSON")
+}
+
+/// A line that leaves the box of the planes, which is that of the lines of the data, is not lost by the reference: it
+/// goes on in the field.
+#[test]
+fn lines_beyond_the_planes_are_followed_in_the_field() {
+    let folder = folder();
+    let path = folder.path();
+    let changes = [
+        ("from = 0.02\nto = 0.045", "from = 0.045\nto = 0.07"),
+        ("survival = 400\nwall = 0.1\n", "survival = 100\nwall = 0.16\n"),
+        ("exponents = 200\nmanifold = 0.02", "exponents = 100\nmanifold = 0.0"),
+        ("symplectic_polynomials = [8]\nreversible_polynomials = [9]\n", ""),
+        ("\"edge\", \"manifolds\"", "\"edge\""),
+        ("iterations = 40", "iterations = 5"),
+    ];
+    let report = report_of(path, &scene(r#"{ kind = "torsatron" }"#), &changes);
+    let [reference, own] = [0, 1].map(|k| &report["studies"]["poincare"]["edge"][k]);
+    assert!(reference["name"] == "reference" && own["name"] == "jolts");
+    let stored = load_model(&path.join("a/model.json")).expect("a model");
+    let torsatron = Torsatron::default();
+    let (coils, angle) = (torsatron.coils().expect("sound"), TAU / f64::from(torsatron.periods));
+    let request = LineRequest { phi: 0.0, angle, reach: 0.05, guess: None, error: 1e-6 };
+    let section = LineSection::new(&coils.all().expect("coils"), request).expect("a section");
+    let (axis, map) = (section.axis(), section.map());
+    let with_jacobian = |z: &[f64]| {
+        let (image, jacobian) = map.with_jacobian([z[0], z[1]]);
+        Ok((image.to_vec(), jacobian.concat()))
+    };
+    let far = |z: &[f64]| (z[0] - axis[0]).hypot(z[1] - axis[1]) >= 0.16;
+    let mut lost = 0;
+    for line in 0..6 {
+        let start = [axis[0] + 0.045 + 0.005 * f64::from(line), axis[1]];
+        let states = map.trajectories(&start, 100).expect("states");
+        let first = states.chunks_exact(2).position(far).map(|before| before as u64 + 1);
+        let line = line as usize;
+        assert_eq!(reference["survived"][line].as_u64(), first, "line {line}");
+        lost += u32::from(first.is_some());
+        // By the map, which may have no image so far out, map after map.
+        let mut z = start.to_vec();
+        let leaves = (1..=100).find(|_| {
+            let image = stored.rollout(&z, Rollout { steps: 1, every: 1 });
+            z = image.map_or_else(|_| vec![f64::NAN; 2], |states| states[2..].to_vec());
+            z[0].is_nan() || far(&z)
+        });
+        assert_eq!(own["survived"][line].as_u64(), leaves, "line {line}");
+        let exponents = &reference["exponents"][line];
+        assert_eq!(exponents.is_null(), first.is_some(), "line {line}");
+        if first.is_none() {
+            let exponent = lyapunov_exponent(&with_jacobian, &start, 100).expect("a number");
+            let found = exponents["exponent"].as_f64().expect("a number");
+            assert!((found - exponent).abs() < 1e-5, "line {line}: {found} {exponent}");
+        }
+    }
+    // Some are lost, and some stay that begin beyond the lines of the data.
+    assert!(lost > 0 && lost < 4, "{lost}");
+}
+
 /// Fifteen islands on an elongated section: the chain of the field and of a reversible polynomial is found on the line
 /// of symmetry as from guesses, and as wide by both; the network, which is hardly trained and not reversible, has none
 /// there.
@@ -275,7 +346,7 @@ fn a_chain_of_the_field_is_found_and_as_wide_by_a_map() {
     let mut text = format!("{study}[[models]]{models}");
     let (rivals, _) = study.split_once("polynomials = [6]").expect("rivals");
     text.replace_range(rivals.len()..study.len(), "reversible_polynomials = [21]\n");
-    for (from, to) in [
+    let changes = [
         ("\"poincare\", \"rotation\", \"off-surface\", \"edge\", \"manifolds\"", ""),
         ("reach = 0.05, error = 1e-6", "reach = 0.15, error = 1e-8"),
         ("reference = 200\n", "reference = 1000\n"),
@@ -285,14 +356,8 @@ fn a_chain_of_the_field_is_found_and_as_wide_by_a_map() {
         ("orbits = 20", "orbits = 15"),
         ("iterations = 40", "iterations = 5"),
         ("iterations = 20", "iterations = 5"),
-    ] {
-        assert!(text.contains(from), "{from}: {text}");
-        text = text.replace(from, to);
-    }
-    std::fs::write(path.join("lines.toml"), text).expect("written");
-    succeeds(path, &["run", "lines.toml", "--out", "a"]);
-    let report = std::fs::read_to_string(path.join("a/report.json")).expect("a report");
-    let report: Value = serde_json::from_str(&report).expect("JSON");
+    ];
+    let report = report_of(path, &text, &changes);
     let found = &report["studies"]["poincare"]["orbits"];
     assert!(found["resonance"]["maps"] == 15 && found["resonance"]["turns"] == 1, "{found}");
     let number = |value: &Value| value.as_f64().expect("a number");
@@ -471,7 +536,7 @@ fn lines_of_a_tokamak_are_learnt() {
     let coils = Tokamak { coils: 12, ..Tokamak::default() }.coils().expect("sound");
     let request = LineRequest {
         phi: 0.0,
-        angle: std::f64::consts::TAU / 12.0,
+        angle: TAU / 12.0,
         reach: 0.3,
         guess: Some([3.0, 0.0]),
         error: 1e-8,
@@ -504,7 +569,7 @@ fn lines_that_come_too_near_a_coil_are_left_out() {
     };
     let request = LineRequest {
         phi: 0.0,
-        angle: std::f64::consts::TAU / 10.0,
+        angle: TAU / 10.0,
         reach: 0.05,
         guess: Some([3.95, 0.0]),
         error: 1e-4,

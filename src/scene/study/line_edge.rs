@@ -4,8 +4,9 @@ use super::rollout::orbit_color;
 use super::section_maps::{Judge, NamedMap, OrbitFound, SectionMap};
 use super::shared::finite;
 use crate::error::Error;
+use crate::flow::LineMap;
 use crate::measure::orbits::{
-    Branch, PeriodicOrbit, lyapunov_exponent, manifold, maps_survived, periodic_orbit,
+    Branch, Follow, PeriodicOrbit, lyapunov_exponent, manifold, maps_survived, periodic_orbit,
     smaller_alignment_index,
 };
 use crate::network::Rollout;
@@ -77,20 +78,18 @@ impl EdgeOptions {
     }
 
     /// What a map makes of the lines.
-    pub(super) fn of(
+    fn of(
         &self,
         name: &str,
-        map: &SectionMap<'_>,
+        map: &EdgeMap<'_>,
         judge: &Judge<'_>,
         corner: Option<&OrbitFound>,
     ) -> Result<EdgeFound, Error> {
         let axis = judge.axis;
         let starts: Vec<f64> =
             self.distances().flat_map(|distance| [axis[0] + distance, axis[1]]).collect();
-        let follow = |points: &[f64], maps: usize| -> Result<Vec<f64>, Error> {
-            Ok(map.rollout(points, Rollout { steps: maps, every: 1 })?.split_off(points.len()))
-        };
         let stays = |z: &[f64]| libm::hypot(z[0] - axis[0], z[1] - axis[1]) < self.wall;
+        let follow = |points: &[f64], maps: usize| map.follow(points, maps, &stays);
         let survived = maps_survived(&follow, &starts, 2, self.survival, &stays)?;
         let with_jacobian = |z: &[f64]| map.with_jacobian(z);
         let of_line = |(z, survived): (&[f64], &Option<usize>)| -> Result<_, Error> {
@@ -106,7 +105,7 @@ impl EdgeOptions {
         let followed = |corner: &OrbitFound| {
             let maps = corner.points.len();
             let orbit = periodic_orbit(&with_jacobian, &corner.points[0], maps)?;
-            self.branches(map, &orbit, judge)
+            self.branches(&follow, &orbit, judge)
         };
         // Of a map whose manifold cannot be followed the rest is still said.
         let (branches, no_manifold) = match corner {
@@ -127,13 +126,12 @@ impl EdgeOptions {
     /// Both branches of the unstable manifold of the first point of an orbit.
     fn branches(
         &self,
-        map: &SectionMap<'_>,
+        follow: Follow<'_>,
         orbit: &PeriodicOrbit,
         judge: &Judge<'_>,
     ) -> Result<Vec<Vec<f64>>, Error> {
         let step = |z: &mut [f64]| {
-            let image = map.rollout(z, Rollout { steps: 1, every: 1 })?.split_off(2);
-            z.copy_from_slice(&image);
+            z.copy_from_slice(&follow(z, 1)?);
             Ok(())
         };
         let first = &orbit.points[0];
@@ -162,7 +160,8 @@ impl EdgeOptions {
              the first that is lost. Lines that stay for {exponents} maps are chaotic where the smaller alignment index \
              is below {ALIGNED:.0e} then; their Lyapunov exponents are by map. The share of lines on which a method and \
              the reference agree is of lines that are lost by both or neither, and of lines that are regular, chaotic \
-             or lost early by both."
+             or lost early by both. Where the reference goes through planes it goes on in the field of the coils from \
+             where a line leaves their box."
         );
         let mut table = Table::new([
             ("method", Format::Exact),
@@ -258,6 +257,55 @@ impl EdgeOptions {
     }
 }
 
+/// A map whose edge is looked for.
+struct EdgeMap<'a> {
+    map: &'a SectionMap<'a>,
+    /// Of lines through planes, what goes on where a line leaves their box: else each such line would be lost.
+    beyond: Option<SectionMap<'a>>,
+}
+
+impl<'a> EdgeMap<'a> {
+    fn of(map: &'a SectionMap<'a>) -> Self {
+        Self { map, beyond: None }
+    }
+
+    /// The states of orbits after 1, …, `maps` maps: NaN after one at which an orbit does not stay, or from where it is
+    /// lost.
+    fn follow(
+        &self,
+        points: &[f64],
+        maps: usize,
+        stays: &dyn Fn(&[f64]) -> bool,
+    ) -> Result<Vec<f64>, Error> {
+        let one_by_one = Rollout { steps: maps, every: 1 };
+        let mut states = self.map.rollout(points, one_by_one)?;
+        let size = points.len();
+        let Some(beyond) = &self.beyond else { return Ok(states.split_off(size)) };
+        for before in 0..maps {
+            let (known, next) = states[before * size..][..2 * size].split_at_mut(size);
+            let left = known.chunks_exact(2).zip(next.chunks_exact_mut(2));
+            let (from, to): (Vec<&[f64]>, Vec<&mut [f64]>) =
+                left.filter(|(here, there)| stays(here) && there[0].is_nan()).unzip();
+            if from.is_empty() {
+                continue;
+            }
+            let images = beyond.rollout(&from.concat(), Rollout { steps: 1, every: 1 })?;
+            let images = images[2 * from.len()..].chunks_exact(2);
+            to.into_iter().zip(images).for_each(|(to, image)| to.copy_from_slice(image));
+        }
+        Ok(states.split_off(size))
+    }
+
+    fn with_jacobian(&self, z: &[f64]) -> Result<(Vec<f64>, Vec<f64>), Error> {
+        match (self.map, &self.beyond) {
+            (SectionMap::Tabulated(lines), Some(beyond)) if !lines.holds(z) => {
+                beyond.with_jacobian(z)
+            }
+            _ => self.map.with_jacobian(z),
+        }
+    }
+}
+
 /// How fast neighbours of a line part.
 #[derive(Clone, Copy, Serialize)]
 struct LineExponents {
@@ -302,17 +350,20 @@ impl EdgeFound {
     }
 }
 
-/// The edge by the reference, first, and by all fast maps.
+/// The edge by the reference, first, and by all fast maps. Where the reference goes through planes, the map of the field
+/// goes on from where lines leave their box.
 pub(super) fn edge_of(
     options: &EdgeOptions,
     judge: &Judge<'_>,
     reference: (&SectionMap<'_>, Option<&OrbitFound>),
+    field: LineMap<'_>,
     maps: &[(&NamedMap<'_>, Option<&OrbitFound>)],
 ) -> Result<Vec<EdgeFound>, Error> {
     let (map, corner) = reference;
-    let mut found = vec![options.of("reference", map, judge, corner)?];
+    let beyond = matches!(map, SectionMap::Tabulated(_)).then(|| SectionMap::Coils(field));
+    let mut found = vec![options.of("reference", &EdgeMap { map, beyond }, judge, corner)?];
     for (named, corner) in maps {
-        found.push(options.of(&named.name, &named.map, judge, *corner)?);
+        found.push(options.of(&named.name, &EdgeMap::of(&named.map), judge, *corner)?);
     }
     Ok(found)
 }

@@ -344,7 +344,8 @@ impl Study for PoincareOptions {
                 let fast = maps.iter().filter(|named| named.is_fast());
                 let corners = fixed.found.iter().map(|of| of.chain.corner.as_ref());
                 let (maps, own) = (fast.zip(corners).collect::<Vec<_>>(), &fixed.chain.corner);
-                edge_of(options, &judge, (&reference, own.as_ref()), &maps)
+                let field = lines.section.map();
+                edge_of(options, &judge, (&reference, own.as_ref()), field, &maps)
             })?,
         };
         if context.interrupted() {

@@ -37,11 +37,11 @@ impl SectionMap<'_> {
     pub(super) fn rollout(&self, initial: &[f64], request: Rollout) -> Result<Vec<f64>, Error> {
         match self {
             Self::Network(model) => {
-                Ok(or_line_by_line(initial, request, |z| model.rollout(z, request)))
+                Ok(or_line_by_line(initial, request, |z, request| model.rollout(z, request)))
             }
             Self::Polynomial(map) => map.rollout(initial, request),
             Self::Generating(map) => {
-                Ok(or_line_by_line(initial, request, |z| map.rollout(z, request)))
+                Ok(or_line_by_line(initial, request, |z, request| map.rollout(z, request)))
             }
             Self::Tabulated(lines) => lines.rollout(initial, request),
             Self::Coils(map) => {
@@ -103,23 +103,48 @@ impl SectionMap<'_> {
     }
 }
 
-/// The states of all lines, or, where that fails, of one line after another: those that are lost are NaN.
+/// The states of all lines, or, where that fails, of one line after another: from where a line is lost they are NaN.
 fn or_line_by_line(
     initial: &[f64],
     request: Rollout,
-    rollout: impl Fn(&[f64]) -> Result<Vec<f64>, Error>,
+    rollout: impl Fn(&[f64], Rollout) -> Result<Vec<f64>, Error>,
 ) -> Vec<f64> {
-    if let Ok(states) = rollout(initial) {
+    if let Ok(states) = rollout(initial, request) {
         return states;
     }
     let mut out = vec![f64::NAN; request.kept() * initial.len()];
     for (m, start) in initial.chunks_exact(2).enumerate() {
-        out[2 * m..][..2].copy_from_slice(start);
-        for (t, state) in rollout(start).unwrap_or_default().chunks_exact(2).enumerate() {
+        for (t, state) in until_lost(start, request, &rollout).chunks_exact(2).enumerate() {
             out[t * initial.len() + 2 * m..][..2].copy_from_slice(state);
         }
     }
     out
+}
+
+/// The states of a line that are kept, up to the last one before it is lost: it is followed over ever fewer maps at once.
+fn until_lost(
+    start: &[f64],
+    request: Rollout,
+    rollout: &impl Fn(&[f64], Rollout) -> Result<Vec<f64>, Error>,
+) -> Vec<f64> {
+    let every = request.every;
+    let mut states = start.to_vec();
+    let mut left = request.kept() - 1;
+    let mut part = left;
+    while part > 0 && left > 0 {
+        if part > left {
+            part = left;
+        }
+        let here = &states[states.len() - 2..];
+        match rollout(here, Rollout { steps: part * every, every }) {
+            Ok(moved) => {
+                states.extend_from_slice(&moved[2..]);
+                left -= part;
+            }
+            Err(_) => part /= 2,
+        }
+    }
+    states
 }
 
 /// Over so many maps lines are followed through planes, which takes seconds.
