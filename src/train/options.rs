@@ -50,7 +50,8 @@ impl Optimiser {
 
     /// Pairs that an iteration looks at, of so many: at the beginning of a training, and without pairs at which the
     /// loss alone is taken.
-    pub(crate) fn pairs_of_iteration(&self, architecture: &Architecture, all: usize) -> usize {
+    #[doc(hidden)]
+    pub fn pairs_of_iteration(&self, architecture: &Architecture, all: usize) -> usize {
         match self {
             Self::LevenbergMarquardt(options) => options.pairs(architecture, all),
             Self::Lbfgs(_) | Self::Adam(_) => all,
