@@ -5,12 +5,12 @@
 
 Makes a virtual environment of its own in target/peers-simsopt (simsopt and NumPy from PyPI, and this package as it
 stands) and takes the coils of the standard configuration that simsopt ships. `gyroceptron.FieldLines` traces lines
-through the section at half a field period, to 1e-10 m; `gyroceptron.train` learns the map of a period from seven lines
-of eight, and the eighth judges it; so does a symplectic polynomial. Beside it `simsopt.field.compute_fieldlines` traces the same lines: through
-`InterpolatedField` of degree 4 on grids of N, 2N and N/2 intervals along R, φ and Z, as its examples do, and in the
-field of the coils. Compared are a period and all periods of the held-out lines, how far lines are off their surfaces
-after `--long` periods, the time of a period of a line on one thread, and after how many periods of lines data and
-training are paid for.
+through the section at half a field period, to 1e-10 m; `gyroceptron.train` learns the map of a period from seven
+lines of eight, and the eighth judges it; so does a symplectic polynomial. Beside it
+`simsopt.field.compute_fieldlines` traces the same lines: through `InterpolatedField` of degree 4 on grids of N, 2N
+and N/2 intervals along R, φ and Z, as its examples do, and in the field of the coils. Compared are a period and all
+periods of the held-out lines, how far lines are off their surfaces after `--long` periods, the time of a period of a
+line on one thread, and after how many periods of lines data and training are paid for.
 
 Takes some twenty minutes, most of them tracing.
 """

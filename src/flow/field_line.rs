@@ -109,7 +109,7 @@ impl<'a> LineMap<'a> {
             Ok(())
         })?;
         let extent = self.field.extent();
-        lose(&mut states, initial.len(), |[radius, height]| {
+        lose(&mut states, initial, |[radius, height]| {
             radius > 0.0 && libm::hypot(radius, height) <= extent
         });
         Ok(states)
@@ -235,10 +235,15 @@ impl SectionMap for LineMap<'_> {
     }
 }
 
-/// States, (T, M, 2) after those of one map, become NaN from the first on that is not within.
-pub(super) fn lose(states: &mut [f64], row: usize, within: impl Fn([f64; 2]) -> bool) {
+/// States, (T, M, 2) from those of one map on, become NaN from the first on that is not within; all of a line whose
+/// initial point is not.
+pub(super) fn lose(states: &mut [f64], initial: &[f64], within: impl Fn([f64; 2]) -> bool) {
+    let row = initial.len();
     for k in (0..states.len()).step_by(2) {
-        let lost = k >= row && states[k - row].is_nan();
+        let lost = match k.checked_sub(row) {
+            Some(before) => states[before].is_nan(),
+            None => !within([initial[k], initial[k + 1]]),
+        };
         // NaN is within nothing.
         if lost || !within([states[k], states[k + 1]]) {
             states[k..k + 2].fill(f64::NAN);

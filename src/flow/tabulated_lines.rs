@@ -106,12 +106,7 @@ impl TabulatedLines {
             on_independent_lanes(Lines { map: self, kept: maps, initial, states });
             Ok(())
         })?;
-        lose(&mut states, initial.len(), |point| self.holds(&point));
-        for (line, _) in initial.chunks_exact(2).enumerate().filter(|(_, at)| !self.holds(at)) {
-            for row in states.chunks_exact_mut(initial.len()) {
-                row[2 * line..][..2].fill(f64::NAN);
-            }
-        }
+        lose(&mut states, initial, |point| self.holds(&point));
         Ok(states)
     }
 

@@ -350,8 +350,8 @@ impl EdgeFound {
     }
 }
 
-/// The edge by the reference, first, and by all fast maps. Where the reference goes through planes, the map of the field
-/// goes on from where lines leave their box.
+/// The edge by the reference, first, and by all fast maps. Where the reference goes through planes, the map of the
+/// field goes on from where lines leave their box.
 pub(super) fn edge_of(
     options: &EdgeOptions,
     judge: &Judge<'_>,

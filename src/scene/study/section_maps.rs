@@ -121,7 +121,8 @@ fn or_line_by_line(
     out
 }
 
-/// The states of a line that are kept, up to the last one before it is lost: it is followed over ever fewer maps at once.
+/// The states of a line that are kept, up to the last one before it is lost: it is followed over ever fewer maps at
+/// once.
 fn until_lost(
     start: &[f64],
     request: Rollout,
