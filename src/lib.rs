@@ -11,7 +11,8 @@
 //!
 //! # Example
 //!
-//! Fit a network to pairs of the coupled oscillators' flow, ask how far to trust it, and certify its structure:
+//! Fit a network to pairs of the coupled oscillators' flow, ask how far to trust it, certify its structure, and roll it
+//! out:
 //!
 //! ```
 //! use gyroceptron::prelude::*;
@@ -21,13 +22,11 @@
 //! let fit = Fit { epsilon: Some(0.01), flow_time: Some(0.5), ..Fit::default() };
 //! let fitted = fit.with_iterations(20).run(pairs)?;
 //! println!("{}", fitted.judgement()?);
-//! let model = StoredModel::of_fit(&fitted, "example"); // in the units of the data
-//! let mut z = [0.8, 0.3, 0.0, 0.0]; // q₁, q₂, p₁, p₂
-//! model.map_points(Direction::Forward, &mut z)?;
-//! model.map_points(Direction::Inverse, &mut z)?;
-//! assert!((z[0] - 0.8_f64).abs() < 1e-14);
 //! let options = CertificateOptions { samples: 20, ..Default::default() };
 //! certify(fitted.model(), options).assert_holds();
+//! let model = StoredModel::of_fit(&fitted, "example"); // in the units of the data
+//! let orbit = model.rollout(&[0.8, 0.3, 0.0, 0.0], Rollout { steps: 100, every: 1 })?; // from q₁, q₂, p₁, p₂
+//! assert_eq!(orbit.len(), 4 * 101);
 //! # Ok::<(), Error>(())
 //! ```
 //!

@@ -1251,13 +1251,19 @@ fn averaged_equations_have_their_orders() {
     ];
     for system in of {
         let z: Vec<f64> = (0..8).flat_map(|seed| point(2, seed)).collect();
+        splittings_of_the_average_have_their_orders(&system(0.02), &z);
         let exact = epsilons.map(|epsilon| {
             let (system, time) = (system(epsilon), interval(epsilon));
             Integrator::Aba1064.trajectories(&system, &z, time, (8.0 * time) as usize, 10)
         });
         let errors = |order: usize, angles: usize| -> Vec<f64> {
             let found = |(epsilon, exact): (f64, &Vec<f64>)| {
-                let by = Integrator::Averaged(AveragedSettings { order, angles, closed: false });
+                let by = Integrator::Averaged(AveragedSettings {
+                    order,
+                    angles,
+                    closed: false,
+                    by: None,
+                });
                 let found = by.trajectories(&system(epsilon), &z, interval(epsilon), 16, 10);
                 let squares = found.expect("integrates").into_iter().zip(exact);
                 squares.map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
@@ -1276,7 +1282,12 @@ fn averaged_equations_have_their_orders() {
         // Into the averaged coordinates and back is no motion, as often as it is done.
         let (system, by) = (
             system(0.002),
-            Integrator::Averaged(AveragedSettings { order: 2, angles: 32, closed: false }),
+            Integrator::Averaged(AveragedSettings {
+                order: 2,
+                angles: 32,
+                closed: false,
+                by: None,
+            }),
         );
         let at_once = by.trajectories(&system, &z, 100.0, 40, 1).expect("integrates");
         let in_turn = by.trajectories(&system, &z, 2.5, 1, 40).expect("integrates");
@@ -1284,10 +1295,15 @@ fn averaged_equations_have_their_orders() {
         let apart = distance(&in_turn[39 * z.len()..], &at_once);
         assert!(apart < 40.0 * 0.002_f64.powi(3), "{name}: {apart:e}");
         // A closed form is what the angles average; that keeps the action, they do to the order of the steps.
-        let closed = Integrator::Averaged(AveragedSettings { order: 1, angles: 32, closed: true });
+        let closed =
+            Integrator::Averaged(AveragedSettings { order: 1, angles: 32, closed: true, by: None });
         if closed.check_for(&system).is_ok() {
-            let by_angles =
-                Integrator::Averaged(AveragedSettings { order: 1, angles: 32, closed: false });
+            let by_angles = Integrator::Averaged(AveragedSettings {
+                order: 1,
+                angles: 32,
+                closed: false,
+                by: None,
+            });
             let unlike = FullOrbit { epsilon: 0.002, wavenumber: 1.3, potential: 0.7 };
             let full_orbit = matches!(system, System::FullOrbit(_));
             let unlike = full_orbit.then_some(System::FullOrbit(unlike));
@@ -1320,24 +1336,63 @@ fn averaged_equations_have_their_orders() {
         let epsilons = intervals.map(|interval| 0.05 / interval);
         assert_order(&format!("quick, order {order}"), order as f64, &epsilons, &errors);
     }
-    let averaged = Integrator::Averaged(AveragedSettings { order: 1, angles: 8, closed: false });
+    let averaged =
+        Integrator::Averaged(AveragedSettings { order: 1, angles: 8, closed: false, by: None });
     let refused = |system: System| averaged.check_for(&system).expect_err("refused").to_string();
     let modes = refused(System::ThreeOscillators(ThreeOscillators::new(0.01)));
     assert!(modes.contains("averaged equation of order 1"), "{modes}");
     let many = refused(System::ParticleField(particle(0.01, 4)));
     assert!(many.contains("found 5") && many.contains("4 degrees of freedom or fewer"), "{many}");
     assert!(
-        Integrator::Averaged(AveragedSettings { order: 3, angles: 8, closed: false })
+        Integrator::Averaged(AveragedSettings { order: 3, angles: 8, closed: false, by: None })
             .check()
             .is_err()
     );
     assert!(
-        Integrator::Averaged(AveragedSettings { order: 1, angles: 2, closed: false })
+        Integrator::Averaged(AveragedSettings { order: 1, angles: 2, closed: false, by: None })
             .check()
             .is_err()
     );
-    let both = Integrator::Averaged(AveragedSettings { order: 2, angles: 8, closed: true }).check();
+    let both =
+        Integrator::Averaged(AveragedSettings { order: 2, angles: 8, closed: true, by: None })
+            .check();
     assert!(both.expect_err("no closed form").to_string().contains("closed"));
+}
+
+/// The closed average over a time of 100 by splittings, beside Runge–Kutta steps, and by one with a wrong coefficient.
+fn splittings_of_the_average_have_their_orders(system: &System, z: &[f64]) {
+    let settings = AveragedSettings { order: 1, angles: 32, closed: true, by: None };
+    if system.average_split().is_none() {
+        let by = AveragedSettings { by: Some(MicroSteps::Strang), ..settings };
+        assert!(Integrator::Averaged(by).check_for(system).is_err(), "{}", system.kind());
+        return;
+    }
+    let of = |by: AveragedSettings, count: usize| {
+        let by = Integrator::Averaged(by);
+        by.check_for(system).expect("is split");
+        by.trajectories(system, z, 100.0, count, 1).expect("integrates")
+    };
+    let exact = of(settings, 20_000);
+    let counts = [4, 6, 8, 12, 16];
+    let steps = counts.map(|count| 100.0 / count as f64);
+    for (by, order) in [(MicroSteps::Strang, 2.0), (MicroSteps::Aba1064, 4.0)] {
+        let by = AveragedSettings { by: Some(by), ..settings };
+        let errors = counts.map(|count| distance(&of(by, count), &exact));
+        let slope = log_slope(&steps, &errors);
+        let name = Integrator::Averaged(by).name();
+        assert!(slope > order - 0.2, "{}, {name}: {slope} of {errors:?}", system.kind());
+        assert!(errors[4] < 0.02, "{}, {name}: {errors:?}", system.kind());
+    }
+    let System::Oscillators(own) = system else { return };
+    let wrong = Splitting { b: &[0.99], ..Splitting::STRANG };
+    let errors = counts.map(|count| {
+        let by =
+            Averaged::new(own, 100.0, 32, 1).split_by(own, wrong, count).expect("of two parts");
+        let mut found = z.to_vec();
+        by.take(own, &mut found, count, |z| own.average_constants(z).expect("closed"));
+        distance(&found, &exact)
+    });
+    assert!(!(log_slope(&steps, &errors) > 1.8), "a wrong kick: {errors:?}");
 }
 
 /// The limit of a particle in its field turns planes in coordinates of the momenta Π: of the paper's profiles. The
@@ -1363,7 +1418,12 @@ fn averaged_equations_of_a_particle_in_its_field_have_their_orders() {
         intervals.into_iter().zip(&exact).map(of).collect::<Vec<f64>>()
     };
     for (order, closed) in [(1, false), (1, true), (2, false)] {
-        let errors = slope_of(Integrator::Averaged(AveragedSettings { order, angles: 32, closed }));
+        let errors = slope_of(Integrator::Averaged(AveragedSettings {
+            order,
+            angles: 32,
+            closed,
+            by: None,
+        }));
         assert_order(&format!("order {order}, closed: {closed}"), order as f64, &epsilons, &errors);
     }
     // In coordinates whose planes the limit does not turn there is nothing to average.
@@ -1395,7 +1455,7 @@ fn averaged_equations_of_a_particle_in_its_field_have_their_orders() {
     let carried: Vec<f64> = ahead.iter().zip(&behind).map(|(a, b)| (a - b) / 2e-3).collect();
     assert!(distance(&carried, &own) < 1e-9, "{carried:?} {own:?}");
     let [closed, by_angles] = [true, false].map(|closed| {
-        let by = Integrator::Averaged(AveragedSettings { order: 1, angles: 32, closed });
+        let by = Integrator::Averaged(AveragedSettings { order: 1, angles: 32, closed, by: None });
         by.trajectories(&two_modes(25.0), &z, 300.0, 400, 1).expect("integrates")
     });
     let apart = distance(&closed, &by_angles);

@@ -390,7 +390,7 @@ pub struct Train {
     pub report: Option<PathBuf>,
     /// The model file to write; FILE.checkpoint beside it while training, and afterwards where
     /// the iterations were done and --resume can go on.
-    #[arg(long, value_name = "FILE.json")]
+    #[arg(long, value_name = "FILE.json", default_value = "model.json")]
     pub output: PathBuf,
     /// ε of the near-identity part [default: the largest of the pairs, or 0.01].
     #[arg(long, allow_negative_numbers = true)]

@@ -1,13 +1,15 @@
 //! Averaged equations: the slow motion without the fast angle, and the changes of coordinates to and from it.
 
+use super::Splitting;
 use super::numerical_method::NumericalMethod;
 use super::request::{Method, Request};
+use super::splitting::MicroSteps;
 use super::stroboscopic::StroboscopicSettings;
 use crate::error::Error;
 use crate::layer::Turn;
 use crate::scalar::{Elementary, Over, Pack, WIDTH};
 use crate::system::{
-    AverageConstants, Hamiltonian, NearlyPeriodic, ParticleField, Splittable, System,
+    AverageConstants, AveragePart, Hamiltonian, NearlyPeriodic, ParticleField, Splittable, System,
 };
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
@@ -24,7 +26,7 @@ use std::f64::consts::TAU;
 /// resolve. Classical Runge–Kutta steps advance W; the rotation by ω₀t is then applied at once. Over
 /// times of 1/ε the errors are O(ε) and O(ε²). Each dW/dt takes (angles × order) evaluations of the
 /// vector field; in [closed form](NearlyPeriodic::averaged_field), which is of first order, it takes one
-/// evaluation of the average. Entering and leaving the averaged coordinates take angles × (order + 1) together.
+/// evaluation of the average, or, where its Hamiltonian is a sum of two with exact flows, steps of a splitting. Entering and leaving the averaged coordinates take angles × (order + 1) together.
 ///
 /// Source: Sanders, Verhulst and Murdock, <https://doi.org/10.1007/978-0-387-48918-6>, sections 2.8 and 2.9.
 #[derive(Clone, Debug)]
@@ -40,6 +42,79 @@ pub struct Averaged {
     time: f64,
     order: usize,
     closed: bool,
+    /// The weights of the circle action.
+    circle: Vec<i32>,
+    split: Option<Split>,
+}
+
+/// Steps of a splitting of the closed average.
+#[derive(Clone, Debug)]
+struct Split {
+    splitting: Splitting,
+    count: usize,
+    step: f64,
+    /// The turns of A after each flow of B but the last of a step.
+    turns: Vec<Turn<f64>>,
+    /// The turn of A at the beginning and at the end, and that between two steps.
+    ends: [Turn<f64>; 2],
+}
+
+impl Split {
+    fn new(frequencies: &[f64], splitting: Splitting, (count, step): (usize, f64)) -> Self {
+        let turn = |a: f64| {
+            let angles: Vec<f64> = frequencies.iter().map(|w| w * (a * step)).collect();
+            Turn::by_angles(&angles)
+        };
+        Self {
+            count,
+            step,
+            turns: (1..splitting.stages).map(|i| turn(splitting.a(i))).collect(),
+            ends: [turn(splitting.a(0)), turn(2.0 * splitting.a(0))],
+            splitting,
+        }
+    }
+
+    /// Moves several points, each with its constants, and adds the angles by which their circles turn.
+    #[inline(always)]
+    fn take<S: Over<f64> + Elementary>(
+        &self,
+        system: &impl NearlyPeriodic,
+        z: &mut [S],
+        (constants, angles): (&[AverageConstants<S>], &mut [S]),
+    ) {
+        let (stages, count) = (self.splitting.stages, self.count);
+        let end = self.splitting.a(0) * self.step;
+        let dim = 2 * system.dof();
+        for number in 0..=count {
+            // Between the last B of a step and the first of the next one.
+            let inner = number > 0 && number < count;
+            let (turn, time) =
+                if inner { (&self.ends[1], 2.0 * end) } else { (&self.ends[0], end) };
+            for ((z, constants), angle) in z.chunks_exact_mut(dim).zip(constants).zip(&mut *angles)
+            {
+                turn.apply(z, false);
+                let time = S::from_f64(time);
+                *angle += system.flow_of_average(AveragePart::A, z, constants, time);
+            }
+            if number == count {
+                break;
+            }
+            for i in 0..stages {
+                let kick = S::from_f64(self.splitting.b(i) * self.step);
+                let flow = S::from_f64(self.splitting.a(i + 1) * self.step);
+                let last = i + 1 == stages;
+                for ((z, constants), angle) in
+                    z.chunks_exact_mut(dim).zip(constants).zip(&mut *angles)
+                {
+                    *angle += system.flow_of_average(AveragePart::B, z, constants, kick);
+                    if !last {
+                        self.turns[i].apply(z, false);
+                        *angle += system.flow_of_average(AveragePart::A, z, constants, flow);
+                    }
+                }
+            }
+        }
+    }
 }
 
 impl Averaged {
@@ -72,6 +147,8 @@ impl Averaged {
             time,
             order,
             closed: false,
+            circle: action.weights().to_vec(),
+            split: None,
         }
     }
 
@@ -81,16 +158,30 @@ impl Averaged {
         Self { closed: true, order: 1, ..self }
     }
 
+    /// The closed form of the average in `count` steps of a splitting into its parts; None where the system gives
+    /// [none](NearlyPeriodic::average_split).
+    pub fn split_by(
+        self,
+        system: &impl NearlyPeriodic,
+        splitting: Splitting,
+        count: usize,
+    ) -> Option<Self> {
+        let step = self.time / count as f64;
+        let split = Split::new(&system.average_split()?, splitting, (count, step));
+        Some(Self { split: Some(split), ..self.in_closed_form() })
+    }
+
     /// Whether the closed form of the average is used.
     pub fn is_in_closed_form(&self) -> bool {
         self.closed
     }
 
-    /// z ← its image under the flow, in `count` steps of the averaged equation; z is one point of 2n numbers.
-    /// `constants` gives [`NearlyPeriodic::average_constants`] of the averaged point; only the closed form calls it.
+    /// z ← its image under the flow, in `count` steps of the averaged equation; z is one point of 2n numbers, or several.
+    /// `constants` gives [`NearlyPeriodic::average_constants`] of an averaged point; only the closed form calls it.
     ///
     /// # Panics
-    /// When `count` is 0 or z is of another size than the system's points.
+    /// When `count` is 0, or another number than that of a [splitting](Averaged::split_by); when z is not of whole
+    /// points.
     #[inline(always)]
     pub fn take<S: Over<f64> + Elementary>(
         &self,
@@ -99,13 +190,56 @@ impl Averaged {
         count: usize,
         constants: impl Fn(&[S]) -> AverageConstants<S>,
     ) {
+        let dim = 2 * system.dof();
+        assert!(count > 0 && z.len().is_multiple_of(dim));
+        let points = z.len() / dim;
+        let mut space = vec![S::zero(); (self.turns.len() + 4) * dim + points];
+        let (angles, space) = space.split_at_mut(points);
+        let mut all = vec![[S::zero(); 4]; points];
+        for (z, own) in z.chunks_exact_mut(dim).zip(&mut all) {
+            self.enter(system, z, space);
+            if self.closed {
+                *own = constants(z);
+            }
+        }
+        match &self.split {
+            Some(split) => {
+                assert!(count == split.count, "{count} steps");
+                split.take(system, z, (&all, angles));
+                for (z, &angle) in z.chunks_exact_mut(dim).zip(&*angles) {
+                    self.turn_circle(z, angle);
+                }
+            }
+            None => {
+                for (z, own) in z.chunks_exact_mut(dim).zip(&all) {
+                    self.runge_kutta(system, z, count, own, space);
+                }
+            }
+        }
+        for z in z.chunks_exact_mut(dim) {
+            self.whole.apply(z, false);
+            let (fields, rest) = space.split_at_mut(self.turns.len() * dim);
+            let slope = &mut rest[..dim];
+            self.fields(system, z, fields);
+            self.displacement(fields, 0, slope);
+            for i in 0..dim {
+                z[i] += slope[i];
+            }
+        }
+    }
+
+    /// z ← the averaged point of z.
+    #[inline(always)]
+    fn enter<S: Over<f64> + Elementary>(
+        &self,
+        system: &impl NearlyPeriodic,
+        z: &mut [S],
+        space: &mut [S],
+    ) {
         let dim = z.len();
-        assert!(count > 0 && dim == 2 * system.dof());
-        let mut space = vec![S::zero(); (self.turns.len() + 4) * dim];
         let (fields, rest) = space.split_at_mut(self.turns.len() * dim);
         let (stage, rest) = rest.split_at_mut(dim);
-        let (sum, rest) = rest.split_at_mut(dim);
-        let (slope, moved) = rest.split_at_mut(dim);
+        let slope = &mut rest[..dim];
         stage.copy_from_slice(z);
         // Each iteration gains a factor of ε: what is left is smaller than the error.
         for _ in 0..self.order {
@@ -116,14 +250,41 @@ impl Averaged {
             }
         }
         z.copy_from_slice(stage);
+    }
+
+    /// The circle action with this angle.
+    #[inline(always)]
+    fn turn_circle<S: Elementary>(&self, z: &mut [S], angle: S) {
+        let (q, p) = z.split_at_mut(self.circle.len());
+        for (j, &weight) in self.circle.iter().enumerate() {
+            if weight != 0 {
+                let (sin, cos) = (S::from_f64(f64::from(weight)) * angle).sin_cos();
+                (q[j], p[j]) = (cos * q[j] + sin * p[j], cos * p[j] - sin * q[j]);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn runge_kutta<S: Over<f64> + Elementary>(
+        &self,
+        system: &impl NearlyPeriodic,
+        z: &mut [S],
+        count: usize,
+        constants: &AverageConstants<S>,
+        space: &mut [S],
+    ) {
+        let dim = z.len();
+        let (fields, rest) = space.split_at_mut(self.turns.len() * dim);
+        let (stage, rest) = rest.split_at_mut(dim);
+        let (sum, rest) = rest.split_at_mut(dim);
+        let (slope, moved) = rest.split_at_mut(dim);
         let h = self.time / count as f64;
-        let constants = if self.closed { constants(z) } else { [S::zero(); 4] };
         for _ in 0..count {
             sum.fill(S::zero());
             stage.copy_from_slice(z);
             for (advance, weight) in [(0.5, 1.0), (0.5, 2.0), (1.0, 2.0), (0.0, 1.0)] {
                 match self.closed {
-                    true => system.averaged_field(stage, &constants, slope),
+                    true => system.averaged_field(stage, constants, slope),
                     false => self.slope(system, stage, fields, slope, moved),
                 }
                 for i in 0..dim {
@@ -134,12 +295,6 @@ impl Averaged {
             for i in 0..dim {
                 z[i] = S::from_f64(h / 6.0).mul_add(sum[i], z[i]);
             }
-        }
-        self.whole.apply(z, false);
-        self.fields(system, z, fields);
-        self.displacement(fields, 0, slope);
-        for i in 0..dim {
-            z[i] += slope[i];
         }
     }
 
@@ -253,6 +408,9 @@ pub struct AveragedSettings {
     /// leave the averaged coordinates.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub closed: bool,
+    /// The splitting of the closed form, in place of Runge–Kutta steps.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub by: Option<MicroSteps>,
 }
 
 /// The angles that scenes do not name.
@@ -263,9 +421,12 @@ fn sixteen() -> usize {
 impl AveragedSettings {
     fn on(&self, system: &impl NearlyPeriodic, request: &Request) -> Averaged {
         let method = Averaged::new(system, request.interval, self.angles, self.order);
-        match self.closed {
-            true => method.in_closed_form(),
-            false => method,
+        match self.by {
+            Some(by) => method
+                .split_by(system, by.splitting(), request.steps)
+                .expect("the system gives both parts: it was checked"),
+            None if self.closed => method.in_closed_form(),
+            None => method,
         }
     }
 
@@ -276,8 +437,11 @@ impl AveragedSettings {
 
 impl NumericalMethod for AveragedSettings {
     fn name(&self) -> String {
-        let Self { order, angles, closed } = self;
-        let form = if *closed { ", closed form" } else { "" };
+        let Self { order, angles, closed, by } = self;
+        let form = match by {
+            Some(by) => format!(", closed form by {}", by.splitting().name),
+            None => if *closed { ", closed form" } else { "" }.to_owned(),
+        };
         format!("averaged equation of order {order}{form}, {angles} angles")
     }
 
@@ -290,6 +454,13 @@ impl NumericalMethod for AveragedSettings {
         if self.closed && self.order == 2 {
             let found = "order 2 and closed";
             return Err(Error::invalid("integrator", found, "order 1 of a closed form"));
+        }
+        if self.by.is_some() && !self.closed {
+            return Err(Error::invalid(
+                "integrator",
+                "by and not closed",
+                "closed = true beside it",
+            ));
         }
         Error::check_count_range("angles", self.angles, 3, 1000)
     }
@@ -304,6 +475,8 @@ impl NumericalMethod for AveragedSettings {
             System::VanDerPol(_) if self.closed => {
                 Err(self.cannot_integrate("the average over the circle has no closed form"))
             }
+            _ if self.by.is_some() && system.average_split().is_none() => Err(self
+                .cannot_integrate("its average is not given as a sum of parts with exact flows")),
             _ => Ok(()),
         }
     }
@@ -352,9 +525,7 @@ impl<H: NearlyPeriodic> Method<H> for Averaged {
             }
             out.map(|lanes| V::load(&lanes[..V::LANES]))
         };
-        for z in z.chunks_exact_mut(2 * system.dof()) {
-            Averaged::take(self, system, z, steps, constants);
-        }
+        Averaged::take(self, system, z, steps, constants);
     }
 }
 

@@ -186,7 +186,9 @@ impl<'a> LineMap<'a> {
             let step = [(e * d - b * f) / determinant, (a * f - c * e) / determinant];
             place = [place[0] + step[0], place[1] + step[1]];
             size = step.iter().map(|v| v.abs()).fold(0.0, max_or_nan);
-            if size <= 1e-13 * (1.0 + place[0].abs()) {
+            // In a coil steps are small too, since the field is not: there points do not stay.
+            let misses = libm::hypot(e, f);
+            if size <= 1e-13 * (1.0 + place[0].abs()) && misses <= 1e-9 * (1.0 + place[0].abs()) {
                 return Ok(place);
             }
         }

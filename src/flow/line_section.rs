@@ -3,8 +3,9 @@
 use super::field_line::ORDER_8;
 use super::{LineMap, Region};
 use crate::error::Error;
+use crate::network::Pace;
 use crate::phase::{AreaDensity, Change, Section};
-use crate::scalar::max_or_nan;
+use crate::scalar::{Elementary, max_or_nan};
 use crate::system::{Coil, CoilField};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
@@ -62,6 +63,19 @@ impl LineSection {
     /// When the request is out of range, no axis is found, it is near a coil or B_φ changes its sign between it and the
     /// reach, or 1,024 steps of a map or 2,000 points along a coil are too few for the error.
     pub fn new(coils: &[Coil], request: LineRequest) -> Result<Self, Error> {
+        Self::new_at_pace(coils, request, &mut Pace::unbroken())
+    }
+
+    /// [`LineSection::new`] in parts, between which `pace` decides whether to go on: the same bits.
+    ///
+    /// # Errors
+    /// Those of [`LineSection::new`]; [`Error::Stopped`].
+    pub fn new_at_pace(
+        coils: &[Coil],
+        request: LineRequest,
+        pace: &mut Pace<'_>,
+    ) -> Result<Self, Error> {
+        let mut pause = || pace.pause("field lines", 1);
         const LEAST_ERROR: f64 = 1e-13;
         Error::check_finite("phi", request.phi)?;
         Error::check_range("angle", request.angle, Error::LEAST_POSITIVE, f64::MAX)?;
@@ -80,20 +94,31 @@ impl LineSection {
         let symmetric = |points: usize| points.next_multiple_of(parts);
         let mut points = symmetric(FEWEST_POINTS.max(2 * modes));
         let mut field = CoilField::new(coils, points)?;
-        let mut axis = axis_of(&field, coils, &request)?;
+        let mut axis = axis_of(&field, coils, &request, &mut pause)?;
         let starts = |axis| starts(axis, request.reach, JUDGES);
         check_kept(&LineMap::new(&field, phi, angle, COARSE)?, axis, &starts(axis))?;
         // What steps half as long change is the error of the longer ones, by 2⁸ more than theirs.
         let change = request.error * STEPS_GAIN;
+        pause()?;
         let (map, _) = LineMap::calibrated(&field, phi, angle, &starts(axis), change)?;
         let mut steps = map.steps();
+        pause()?;
         let places = judged(&map, &starts(axis))?;
-        let mut before = map.trajectories(&places, 1)?;
+        pause()?;
+        let mut images = |map: &LineMap<'_>| -> Result<Vec<f64>, Error> {
+            let mut images = Vec::with_capacity(places.len());
+            for part in places.chunks(4 * JUDGES) {
+                images.extend(map.trajectories(part, 1)?);
+                pause()?;
+            }
+            Ok(images)
+        };
+        let mut before = images(&map)?;
         loop {
             let more = symmetric((points as f64 * GROWTH) as usize);
             let finer = CoilField::new(coils, more)?;
             let map = LineMap::new(&finer, phi, angle, steps)?;
-            let after = map.trajectories(&places, 1)?;
+            let after = images(&map)?;
             let pairs = after.iter().zip(&before);
             let moved = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, max_or_nan);
             // Of so many more points the error is below what fewer had by far.
@@ -107,7 +132,21 @@ impl LineSection {
             (points, before, field) = (more, after, finer);
         }
         axis = LineMap::new(&field, phi, angle, steps)?.axis(axis)?;
+        pause()?;
         let all = starts(axis);
+        // Also near enough to the coils for these lines.
+        let (sin, cos) = Elementary::sin_cos(phi);
+        let resolves = |field: &CoilField| {
+            let places = all.chunks_exact(2).map(|z| [z[0] * cos, z[0] * sin, z[1]]);
+            let mut distances = places.map(|place| field.distance(place));
+            distances.all(|distance| distance >= field.resolved_from())
+        };
+        while !resolves(&field) && points < MOST_POINTS {
+            let more = symmetric((points as f64 * GROWTH) as usize);
+            points = if more < MOST_POINTS { more } else { symmetric(MOST_POINTS) };
+            field = CoilField::new(coils, points)?;
+            pause()?;
+        }
         let (map, error) = LineMap::calibrated(&field, phi, angle, &all, change)?;
         steps = if map.steps() > steps { map.steps() } else { steps };
         let toroidal: f64 = field.cylindrical(axis[0], phi, axis[1])[1];
@@ -275,7 +314,12 @@ fn judged(map: &LineMap<'_>, starts: &[f64]) -> Result<Vec<f64>, Error> {
 }
 
 /// The axis near the guess, or the one nearest to the middle of the coils about which lines turn.
-fn axis_of(field: &CoilField, coils: &[Coil], request: &LineRequest) -> Result<[f64; 2], Error> {
+fn axis_of(
+    field: &CoilField,
+    coils: &[Coil],
+    request: &LineRequest,
+    pause: &mut dyn FnMut() -> Result<(), Error>,
+) -> Result<[f64; 2], Error> {
     /// Places on either side of the middle.
     const PLACES: i32 = 12;
     let map = LineMap::new(field, request.phi, request.angle, COARSE)?;
@@ -294,6 +338,7 @@ fn axis_of(field: &CoilField, coils: &[Coil], request: &LineRequest) -> Result<[
     let (middle, step) = (0.5 * (low + high), 0.5 * (high - low) / f64::from(PLACES + 1));
     let offsets = (0..=2 * PLACES).map(|k| if k % 2 == 0 { k / 2 } else { -(k + 1) / 2 });
     for offset in offsets {
+        pause()?;
         let guess = [middle + step * f64::from(offset), 0.0];
         let Ok(place) = map.axis(guess) else { continue };
         let (_, [[a, _], [_, d]]) = map.with_jacobian(place);

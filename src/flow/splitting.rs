@@ -94,13 +94,13 @@ impl Splitting {
 
     /// a_i, i = 0 … stages.
     #[inline(always)]
-    fn a(&self, i: usize) -> f64 {
+    pub(super) fn a(&self, i: usize) -> f64 {
         self.a[i.min(self.stages - i)]
     }
 
     /// b_i, i = 0 … stages − 1.
     #[inline(always)]
-    fn b(&self, i: usize) -> f64 {
+    pub(super) fn b(&self, i: usize) -> f64 {
         self.b[i.min(self.stages - 1 - i)]
     }
 

@@ -126,11 +126,11 @@ impl Symmetries {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Frame {
-    /// c.
+    /// The middle c of the points.
     from: Vec<f64>,
     /// K, row by row; None of the identity.
     entry: Option<Vec<f64>>,
-    /// c′.
+    /// The middle c′ of their images.
     to: Vec<f64>,
     /// M, row by row; None of the identity.
     exit: Option<Vec<f64>>,

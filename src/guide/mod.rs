@@ -31,7 +31,7 @@
 //! | `dissipative`: a flow with friction | [`dissipation`] |
 //! | `stiff`: ε from 1e-2 to 1e-8 | [`stiff`] |
 //! | `noise`: pairs with noise or a gap | [`noise`] |
-//! | `slow-manifold`: what the learnt invariant is worth | [`invariant_worth`] |
+//! | `slow-manifold`: the slow manifold of the learnt invariant | [`paper`] |
 //! | all: figures of speed and error in one table | [`figures`] |
 
 macro_rules! chapters {

@@ -256,9 +256,21 @@ impl StoredModel {
 
     /// The states of orbits from points of the data after 1, …, `maps` maps, whatever becomes of them.
     pub(crate) fn followed(&self, here: &[f64], maps: usize) -> Result<Vec<f64>, Error> {
+        self.followed_at_pace(here, maps, &mut Pace::unbroken())
+    }
+
+    /// [`StoredModel::followed`] at a pace.
+    #[doc(hidden)]
+    pub fn followed_at_pace(
+        &self,
+        here: &[f64],
+        maps: usize,
+        pace: &mut Pace<'_>,
+    ) -> Result<Vec<f64>, Error> {
         let mut start = here.to_vec();
         self.to_network(&mut start);
-        let mut states = self.model.rollout(&start, Rollout { steps: maps, every: 1 })?;
+        let request = Rollout { steps: maps, every: 1 };
+        let mut states = self.model.rollout_at_pace(&start, request, pace)?;
         self.to_data(&mut states);
         Ok(states.split_off(here.len()))
     }
@@ -349,7 +361,7 @@ impl StoredModel {
     }
 
     /// Fails at a point outside of the section.
-    pub(super) fn check_points(&self, place: &str, points: &[f64]) -> Result<(), Error> {
+    pub(crate) fn check_points(&self, place: &str, points: &[f64]) -> Result<(), Error> {
         self.section.as_ref().map_or(Ok(()), |section| section.check_points(place, points))
     }
 

@@ -4,6 +4,7 @@ use super::json::{parse_content, parse_header};
 use super::{StoredModel, read_bytes, write_atomically};
 use crate::digest;
 use crate::error::Error;
+use crate::measure::internals::unless_stopped;
 use crate::measure::proof::{
     Candidate, Circle, Constants, FixedPoint, NobleNumber, PlaneMap, Ray, Verdict,
     fixed_point_near, noble_numbers, prove_circle,
@@ -222,6 +223,18 @@ impl ProofFile {
     /// # Errors
     /// [`Error::Invalid`] with what does not hold.
     pub fn check(&self, stored: &StoredModel) -> Result<(), Error> {
+        self.check_unless_stopped(stored, || true)
+    }
+
+    /// [`ProofFile::check`] that can be stopped: it calls `go_on`, on several threads, several times a second.
+    ///
+    /// # Errors
+    /// Those of [`ProofFile::check`]; [`Error::Stopped`] when the answer is false.
+    pub fn check_unless_stopped(
+        &self,
+        stored: &StoredModel,
+        go_on: impl Fn() -> bool + Clone + Send + Sync + 'static,
+    ) -> Result<(), Error> {
         let own = stored.digest()?;
         if own != self.model {
             return Err(Error::invalid(
@@ -246,7 +259,7 @@ impl ProofFile {
                         "a theorem that holds with these constants",
                     ))
                 };
-                match circle.candidate.prove(&map)? {
+                match unless_stopped_here(&go_on, || circle.candidate.prove(&map))? {
                     Err(failure) => wrong(failure.to_string()),
                     Ok(constants) if constants != circle.constants => {
                         wrong(format!("other constants, κ = {:e}", constants.kappa))
@@ -265,6 +278,18 @@ impl ProofFile {
         }
         Ok(())
     }
+}
+
+/// What `prove` returns on this thread, unless it is stopped.
+fn unless_stopped_here<T>(
+    go_on: &(impl Fn() -> bool + Clone + 'static),
+    prove: impl FnOnce() -> Result<T, Error>,
+) -> Result<T, Error> {
+    let stopped = || Err(Error::Stopped { what: "proof".into() });
+    if !go_on() {
+        return stopped();
+    }
+    unless_stopped(go_on.clone(), prove).unwrap_or_else(stopped)
 }
 
 /// What to prove of a model.
@@ -311,6 +336,19 @@ impl Proofs {
         request: &ProofRequest,
         found: impl Fn(&NobleNumber, &Verdict, &ProofFile) -> Result<(), Error> + Sync,
     ) -> Result<Self, Error> {
+        Self::of_model_unless_stopped(stored, request, found, || true)
+    }
+
+    /// [`Proofs::of_model`] that can be stopped: it calls `go_on`, on several threads, several times a second.
+    ///
+    /// # Errors
+    /// Those of [`Proofs::of_model`]; [`Error::Stopped`] when the answer is false.
+    pub fn of_model_unless_stopped(
+        stored: &StoredModel,
+        request: &ProofRequest,
+        found: impl Fn(&NobleNumber, &Verdict, &ProofFile) -> Result<(), Error> + Sync,
+        go_on: impl Fn() -> bool + Clone + Send + Sync + 'static,
+    ) -> Result<Self, Error> {
         let map = PlaneMap::of_model(&stored.model)?;
         map.check_symplectic()?;
         let fixed = fixed_point_near(&map, [0.0; 2]);
@@ -321,7 +359,8 @@ impl Proofs {
         }
         let mut numbers = request.numbers.clone();
         if numbers.is_empty() {
-            numbers = noble_numbers(&map, ray, request.circles);
+            let chosen = || Ok(noble_numbers(&map, ray, request.circles));
+            numbers = unless_stopped_here(&go_on, chosen)?;
         }
         if numbers.is_empty() {
             let ends = format!("from {from:?} to {:?}", request.to);
@@ -331,7 +370,7 @@ impl Proofs {
         let none = ProofFile { model: stored.digest()?, circles: Vec::new(), nested: Vec::new() };
         let kept: Mutex<Vec<Circle>> = Mutex::new(Vec::new());
         let prove = |omega: NobleNumber| {
-            let mut verdict = prove_circle(&map, ray, &omega)?;
+            let mut verdict = unless_stopped_here(&go_on, || prove_circle(&map, ray, &omega))?;
             if let Verdict::Proved(circle) = &verdict
                 && let Err(outside) = check_box(stored, circle)
             {

@@ -123,10 +123,10 @@ pub trait OfMomenta<P: Scalar>: ElementaryMap<P> {
 /// p += c f(q/ρ), f a series of Chebyshev polynomials.
 #[derive(Clone, Copy, Debug)]
 pub struct PlaneKick<'a, P> {
-    /// f.
+    /// The series f.
     pub series: Series<'a, P>,
     /// 1/ρ.
     pub inverse_radius: f64,
-    /// c.
+    /// The factor c of the map.
     pub scale: P,
 }

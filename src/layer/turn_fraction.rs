@@ -47,7 +47,7 @@ impl TurnFraction {
         Self((turns * 18_446_744_073_709_551_616.0).round_ties_even() as i128 as i64)
     }
 
-    /// k.
+    /// The number k of 2⁻⁶⁴ turns.
     pub const fn k(self) -> i64 {
         self.0
     }

@@ -3,6 +3,7 @@
 
 use super::periodic::PeriodicOrbit;
 use super::rotation::birkhoff_average;
+use super::stopping::until_stopped;
 use crate::error::Error;
 use crate::network::Model;
 use crate::phase::Map;
@@ -144,7 +145,7 @@ impl<'a> AtControls<'a> {
                 let expected = "another point than the centre, of finite numbers";
                 return Err(Error::invalid("start", format!("{start:?}"), expected));
             }
-            for number in 0..maps {
+            for number in until_stopped(0..maps) {
                 map.forward(&mut z);
                 let now = angle_and_change(&z, centre);
                 if !(now.0.is_finite() && now.1.is_finite()) {
@@ -156,7 +157,9 @@ impl<'a> AtControls<'a> {
                 before = now;
             }
             // Of growths near half a turn the sign is that of the first.
-            let near = growths[0];
+            let Some(near) = growths.first().copied() else {
+                return Err(Error::Stopped { what: "rotation".into() });
+            };
             let growths: Vec<f64> =
                 growths.iter().map(|g| near + libm::remainder(g - near, TAU)).collect();
             Ok((birkhoff_average(&growths) / TAU, birkhoff_average(&changes) / TAU))

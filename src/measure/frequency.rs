@@ -1,5 +1,6 @@
 //! Frequencies of quasi-periodic signals, and the tunes of orbits, by windowed frequency analysis.
 
+use super::stopping::is_stopped;
 use crate::flow::Trajectories;
 use crate::scalar::{Elementary, max_or_nan};
 use faer::Mat;
@@ -53,7 +54,7 @@ pub fn spectral_lines(signal: &[[f64; 2]], count: usize) -> Vec<SpectralLine> {
             break;
         }
         let frequency = peak(&rest);
-        if found.iter().any(|line| line.frequency == frequency) {
+        if is_stopped() || found.iter().any(|line| line.frequency == frequency) {
             break;
         }
         found.push(SpectralLine { frequency, amplitude: [0.0; 2] });
@@ -166,7 +167,7 @@ fn highest(signal: &[[f64; 2]], weights: &[f64], place: f64, within: f64) -> f64
     // Nearer to the maximum squares differ by less than their rounding: there the derivative is asked.
     let coarse = 1e-3 / weights.len() as f64;
     for _ in 0..STEPS {
-        if high - low <= coarse {
+        if high - low <= coarse || is_stopped() {
             break;
         }
         if of_a > of_b {
@@ -201,7 +202,7 @@ fn slope_root(signal: &[[f64; 2]], weights: &[f64], place: f64, step: f64) -> f6
     let (mut of_a, mut of_b) = (slope(a), slope(b));
     for _ in 0..STEPS {
         let next = b - of_b * (b - a) / (of_b - of_a);
-        if !next.is_finite() || (next - place).abs() > 4.0 * step {
+        if is_stopped() || !next.is_finite() || (next - place).abs() > 4.0 * step {
             break;
         }
         (a, of_a) = (b, of_b);

@@ -1,5 +1,6 @@
 //! Invariant circles of maps of a plane, by Fourier series.
 
+use super::stopping::{is_stopped, until_stopped};
 use crate::error::Error;
 use crate::phase::AreaDensity;
 use crate::scalar::{Elementary, max_or_nan};
@@ -47,6 +48,9 @@ impl InvariantCircle {
         let mut best: Option<Self> = None;
         let mut modes = 4;
         while modes <= MOST_MODES && STATES_A_TERM * (2 * modes + 1) <= seen {
+            if best.is_some() && is_stopped() {
+                break;
+            }
             let found = Self::fit(orbit, seen, turns, modes);
             let better = best.as_ref().is_none_or(|best| found.error < best.error);
             let worse = best.as_ref().is_some_and(|best| found.error > 10.0 * best.error);
@@ -68,7 +72,7 @@ impl InvariantCircle {
         let middle = (seen - 1) as f64 / 2.0;
         let right = Mat::from_fn(seen, 2, |n, axis| orbit[2 * n + axis]);
         let mut out = Self { turns, error: f64::NAN, modes: Vec::new() };
-        for _ in 0..REFINEMENTS {
+        for _ in until_stopped(0..REFINEMENTS) {
             let rows: Vec<Vec<f64>> =
                 (0..seen).map(|n| terms((n as f64 - middle) * out.turns, modes)).collect();
             let matrix = Mat::from_fn(seen, 2 * modes + 1, |n, k| rows[n][k]);

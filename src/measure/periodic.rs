@@ -8,7 +8,7 @@ use faer::linalg::solvers::Solve;
 /// A map with its Jacobian: the image of z, and the Jacobian at z, 2n × 2n numbers row by row.
 pub type WithJacobian<'a> = &'a (dyn Fn(&[f64]) -> Result<(Vec<f64>, Vec<f64>), Error> + 'a);
 
-/// A periodic orbit of a map.
+/// A periodic orbit of a map, with the Jacobian of a whole period.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PeriodicOrbit {
     /// Its points, one after another: as many as its period.
@@ -80,6 +80,9 @@ fn round(map: WithJacobian<'_>, z: &[f64], period: usize) -> Result<PeriodicOrbi
 /// not reduce the error are halved.
 ///
 /// The period found may be a divisor of the one asked for: an orbit that closes sooner is returned once around.
+///
+/// Source: Greene, <https://doi.org/10.1063/1.524170>, for orbits and their residues; Davidchack and Lai,
+/// <https://doi.org/10.1103/PhysRevE.60.6172>, for Newton's method with shortened steps.
 ///
 /// # Errors
 /// Those of the map; [`Error::NoConvergence`] where none is found, and [`Error::CountOutOfRange`] of a period of 0.

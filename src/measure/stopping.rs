@@ -18,7 +18,7 @@ thread_local! {
 const PAUSE: Duration = Duration::from_millis(50);
 
 /// Whether the measurement of this thread is to end; its result is discarded then.
-fn is_stopped() -> bool {
+pub fn is_stopped() -> bool {
     let due = ASKING.with_borrow_mut(|asking| match asking {
         None => Err(false),
         Some(asking) if asking.stopped => Err(true),

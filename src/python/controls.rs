@@ -1,8 +1,11 @@
 //! Controls, in Python.
 
 use super::arrays::{Rows, array, point_of, points_of};
+use super::orbits::until_stopped;
+use super::{by_parts, stoppable};
 use crate::error::Error;
 use crate::io::StoredModel;
+use crate::measure::orbits::periodic_orbit;
 use crate::network::Controls;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -86,7 +89,9 @@ pub(super) fn derivatives<'py>(
 ) -> PyResult<Bound<'py, numpy::PyArrayDyn<f64>>> {
     let dof = stored.model.composition().dof();
     let points = points_of("points", points, dof)?;
-    let found = py.detach(|| stored.control_derivatives(values, &points.values))?;
+    let found = by_parts(py, "derivatives", 2 * dof, &points.values, |part| {
+        stored.control_derivatives(values, part)
+    })?;
     array(py, found, points.shape(&[], &[2 * dof, values.len()]))
 }
 
@@ -100,8 +105,9 @@ pub(super) fn orbit_response<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     let dof = stored.model.composition().dof();
     let guess = point_of("guess", guess, dof)?;
-    let (orbit, response) = py.detach(|| {
-        let orbit = stored.at_controls(values)?.periodic_orbit(&guess, period)?;
+    let (orbit, response) = stoppable(py, |stop| {
+        let at = stored.at_controls(values)?;
+        let orbit = periodic_orbit(&until_stopped(&at, stop), &guess, period)?;
         let response = stored.orbit_response(values, &orbit)?;
         Ok::<_, Error>((orbit, response))
     })?;

@@ -8,6 +8,7 @@ use crate::flow::{LineRequest, LineSection};
 use crate::io::{read_coils, write_section};
 use crate::layer::Reversor;
 use crate::measure::orbits::{SymmetryLine, lyapunov_exponent, smaller_alignment_index};
+use crate::network::Pace;
 use crate::system::Torsatron;
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
@@ -47,8 +48,19 @@ impl OrbitMap for LineSection {
         let (image, jacobian) = self.map().with_jacobian([z[0], z[1]]);
         Ok((image.to_vec(), jacobian.concat()))
     }
-    fn followed(&self, points: &[f64], maps: usize) -> Result<Vec<f64>, Error> {
-        self.map().trajectories(points, maps)
+    fn followed(
+        &self,
+        points: &[f64],
+        maps: usize,
+        pace: &mut Pace<'_>,
+    ) -> Result<Vec<f64>, Error> {
+        let mut states = points.to_vec();
+        for done in 0..maps {
+            let here = &states[done * points.len()..];
+            states.extend(self.map().trajectories(here, 1)?);
+            pace.pause("field lines", 1)?;
+        }
+        Ok(states.split_off(points.len()))
     }
 }
 
@@ -93,7 +105,8 @@ impl FieldLines {
         let of_machine = f64::from(of_machine);
         let (phi, angle) = (TAU * section / of_machine, TAU * f64::from(periods) / of_machine);
         let request = LineRequest { phi, angle, reach, guess, error };
-        Ok(Self { section: py.detach(|| LineSection::new(&coils, request))? })
+        let section = interruptible(py, |pace| LineSection::new_at_pace(&coils, request, pace))?;
+        Ok(Self { section })
     }
 
     /// R and Z of the magnetic axis, in metres.
@@ -120,8 +133,9 @@ impl FieldLines {
         array(py, self.section.starts(lines), vec![lines, 2])
     }
 
-    /// The points of lines through `points`, (..., 2), map after map: (maps + 1, ..., 2). A line that leaves the
-    /// machine or runs into a coil is NaN from there on.
+    /// The points of lines through `points`, (..., 2), map after map: (maps + 1, ..., 2). A line that is further from
+    /// the middle of the machine than any coil is NaN from there on. Lines that come near to a coil are not told from
+    /// others: there the field is that of points along it.
     fn trace<'py>(
         &self,
         py: Python<'py>,
@@ -130,19 +144,9 @@ impl FieldLines {
     ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         let points = points_of("points", &points, 1)?;
         Error::check_count_range("maps", maps, 1, 1 << 32)?;
-        let row = points.values.len();
-        let states = interruptible(py, |pace| {
-            let mut states = points.values.clone();
-            let mut done = 0;
-            while done < maps {
-                let count = pace.part(1).min(maps - done);
-                let here = states[states.len() - row..].to_vec();
-                states.extend(self.section.map().trajectories(&here, count)?);
-                pace.pause("field lines", count)?;
-                done += count;
-            }
-            Ok(states)
-        })?;
+        let mut states = points.values.clone();
+        let traced = |pace: &mut Pace<'_>| self.section.followed(&points.values, maps, pace);
+        states.extend(interruptible(py, traced)?);
         array(py, states, points.shape(&[maps + 1], &[2]))
     }
 

@@ -18,21 +18,28 @@ use crate::io::{
     SourceCode, SourceLanguage, StoredModel, load_model, model_text, parse_model, save_model,
 };
 use crate::layer::Reversor;
-use crate::measure::certificate::{CertificateOptions, certify_unless_stopped};
-use crate::measure::orbits::{Branch, SymmetryLine, lyapunov_exponent, smaller_alignment_index};
+use crate::measure::certificate::{CertificateOptions, certify};
+use crate::measure::internals::unless_stopped;
+use crate::measure::orbits::{
+    Branch, SymmetryLine, dynamic_aperture, lyapunov_exponent, smaller_alignment_index,
+};
 use crate::network::{Architecture, Course, Pace, Rollout};
 use crate::phase::Direction;
 use crate::scalar::{Grid, GridNumbers};
 use crate::scene::{own_invariance_fault, render};
 use arrays::{Points, Rows, array, point_of, points_of, rows_of};
 use numpy::{PyArray1, PyArrayDyn};
+use orbits::following;
 use outside::{Outside, box_of, survived};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use rayon::prelude::*;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::RecvTimeoutError;
+use std::time::Duration;
 use trained::{Trained, TrainedParts, warn};
 
 /// The exception, by the name that it has in Python.
@@ -79,6 +86,71 @@ fn interruptible<T: Send>(
     }
 }
 
+/// Whether a computation on another thread is to end.
+#[derive(Clone, Default)]
+struct Stop(Arc<AtomicBool>);
+
+impl Stop {
+    fn go_on(&self) -> bool {
+        !self.0.load(Ordering::Relaxed)
+    }
+
+    /// Fails where it is to end.
+    fn check(&self) -> Result<(), Error> {
+        if self.go_on() { Ok(()) } else { Err(Error::Stopped { what: "computation".into() }) }
+    }
+}
+
+/// Runs something without the lock of the interpreter on a thread of its own, to which `Stop` says whether Ctrl-C was
+/// pressed: for what asks it from deep inside, or from several threads, which cannot ask the interpreter.
+fn stoppable<T: Send>(
+    py: Python<'_>,
+    run: impl FnOnce(&Stop) -> Result<T, Error> + Send,
+) -> PyResult<T> {
+    /// Between two questions.
+    const PAUSE: Duration = Duration::from_millis(50);
+    let stop = Stop::default();
+    let (result, raised) = py.detach(|| {
+        std::thread::scope(|scope| {
+            let (done, ends) = std::sync::mpsc::channel::<()>();
+            let own = &stop;
+            let worker = scope.spawn(move || {
+                // It ends the wait when it is dropped, also by a panic.
+                let _done = done;
+                run(own)
+            });
+            let mut raised = None;
+            while ends.recv_timeout(PAUSE) == Err(RecvTimeoutError::Timeout) {
+                if raised.is_none()
+                    && let Err(signal) = Python::attach(|py| py.check_signals())
+                {
+                    raised = Some(signal);
+                    stop.0.store(true, Ordering::Relaxed);
+                }
+            }
+            (worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)), raised)
+        })
+    });
+    match raised {
+        Some(raised) => Err(raised),
+        None => Ok(result?),
+    }
+}
+
+/// As [`stoppable`], for a measurement that asks between its samples.
+fn measured<T: Send>(
+    py: Python<'_>,
+    measure: impl FnOnce() -> Result<T, Error> + Send,
+) -> PyResult<T> {
+    stoppable(py, |stop| {
+        let asked = stop.clone();
+        match unless_stopped(move || asked.go_on(), measure) {
+            Some(found) => found,
+            None => Err(Error::Stopped { what: "measurement".into() }),
+        }
+    })
+}
+
 /// What `of` makes of points, `size` numbers each, of some of them after another.
 fn by_parts<T: Send>(
     py: Python<'_>,
@@ -100,7 +172,8 @@ fn by_parts<T: Send>(
     })
 }
 
-/// The measured structure of a model: for each law the largest ratio of an error to its rounding bound.
+/// The measured structure of a model: for each law the largest ratio of an error to its rounding
+/// scale at the points where it was sampled.
 #[pyclass(frozen, module = "gyroceptron", name = "Certificate")]
 struct PyCertificate {
     inner: crate::measure::certificate::Certificate,
@@ -456,7 +529,7 @@ impl Model {
         let points = self.points(&points)?;
         let own = self.stored.provenance.region.as_ref();
         let region = box_of([low, high], own, self.dof())?;
-        survived(py, &points, steps, || self.stored.maps_survived(&points.values, steps, &region))
+        survived(py, &self.stored, &points, steps, &region)
     }
 
     /// The dynamic aperture along rays from `centre`, 2n numbers: for each of `directions`, (M, 2n), the largest of
@@ -480,8 +553,10 @@ impl Model {
         let directions: Vec<Vec<f64>> = directions.chunks_exact(dim).map(<[f64]>::to_vec).collect();
         let own = self.stored.provenance.region.as_ref();
         let region = box_of([low, high], own, self.dof())?;
-        let found = py.detach(|| {
-            self.stored.dynamic_aperture(&centre, &directions, &radii, steps, &region)
+        self.stored.check_points("centre", &centre)?;
+        let stays = |z: &[f64]| region.first_outside(z).is_none();
+        let found = following(py, &self.stored, |follow| {
+            dynamic_aperture(follow, &centre, &directions, &radii, steps, &stays)
         })?;
         array(py, found, vec![directions.len()])
     }
@@ -587,26 +662,11 @@ impl Model {
     ) -> PyResult<PyCertificate> {
         let options = CertificateOptions { samples, radius, seed };
         options.check()?;
-        let raised = Arc::new(Mutex::new(None));
-        let asked = Arc::clone(&raised);
-        let go_on = move || match Python::attach(|py| py.check_signals()) {
-            Ok(()) => true,
-            Err(signal) => {
-                asked.lock().unwrap_or_else(|held| held.into_inner()).replace(signal);
-                false
-            }
-        };
-        let made = py.detach(|| {
-            let inner = certify_unless_stopped(&self.stored.model, options, go_on)?;
+        measured(py, || {
+            let inner = certify(&self.stored.model, options);
             let fault = own_invariance_fault(&self.stored, &options);
-            Some(PyCertificate { inner, notes: fault.into_iter().collect() })
-        });
-        let raised = raised.lock().unwrap_or_else(|held| held.into_inner()).take();
-        match (raised, made) {
-            (None, Some(certificate)) => Ok(certificate),
-            (Some(raised), _) => Err(raised),
-            (None, None) => Err(Error::Stopped { what: "verify".into() }.into()),
-        }
+            Ok(PyCertificate { inner, notes: fault.into_iter().collect() })
+        })
     }
 
     /// A model with the same weights at another epsilon or flow time, if it has learnt several, or at values of its
@@ -689,7 +749,7 @@ impl Model {
     ) -> PyResult<(f64, Bound<'py, PyArray1<f64>>)> {
         let values = controls::checked(py, &self.stored, controls)?;
         let of = || self.stored.rotation_response(&values, start, centre, steps);
-        let (turns, changes) = py.detach(of)?;
+        let (turns, changes) = measured(py, of)?;
         Ok((turns, PyArray1::from_vec(py, changes)))
     }
 
@@ -877,7 +937,7 @@ mod _native {
     #[pymodule_export]
     use super::orbits::{PyInvariantCircle, rotation_number, spectral_lines, tunes};
     #[pymodule_export]
-    use super::polynomials::PySymplecticPolynomial;
+    use super::polynomials::{_restore_polynomial, PySymplecticPolynomial};
     #[pymodule_export]
     use super::proofs::{check_proof, prove};
     #[pymodule_export]

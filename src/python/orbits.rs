@@ -1,20 +1,22 @@
 //! Properties of the orbits of a map, in Python.
 
 use super::arrays::{Rows, array, point_of, points_of, read, rows_of};
+use super::{Stop, interruptible, measured, stoppable};
 use crate::error::Error;
 use crate::flow::Trajectories;
 use crate::io::{StoredModel, read_section};
 use crate::layer::Reversor;
 use crate::measure::orbits::{
-    Branch, InvariantCircle, IslandSearch, PeriodicOrbit, SymmetryLine, WithJacobian, manifold,
-    periodic_orbit, periodic_orbits, rotation_numbers, spectral_lines as lines_of,
+    Branch, Follow, InvariantCircle, IslandSearch, PeriodicOrbit, SymmetryLine, WithJacobian,
+    manifold, periodic_orbit, periodic_orbits, rotation_numbers, spectral_lines as lines_of,
     symmetric_periodic_orbits, tunes as tunes_of,
 };
-use crate::network::Rollout;
+use crate::network::{Pace, Rollout};
 use crate::phase::Direction;
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
+use std::cell::RefCell;
 use std::path::PathBuf;
 
 /// A map whose orbits are asked for, of points in units of the data.
@@ -25,10 +27,11 @@ pub(super) trait OrbitMap: Sync {
     fn on_section(&self) -> bool;
 
     /// The image of a point, and the Jacobian there.
-    fn with_jacobian(&self, z: &[f64]) -> Result<(Vec<f64>, Vec<f64>), Error>;
+    fn with_jacobian(&self, z: &[f64]) -> Result<ImageAndJacobian, Error>;
 
     /// The states of orbits after 1, …, `maps` maps.
-    fn followed(&self, points: &[f64], maps: usize) -> Result<Vec<f64>, Error>;
+    fn followed(&self, points: &[f64], maps: usize, pace: &mut Pace<'_>)
+    -> Result<Vec<f64>, Error>;
 }
 
 impl OrbitMap for StoredModel {
@@ -42,9 +45,41 @@ impl OrbitMap for StoredModel {
         let image = self.rollout(z, Rollout { steps: 1, every: 1 })?.split_off(z.len());
         Ok((image, self.jacobians(z)?))
     }
-    fn followed(&self, points: &[f64], maps: usize) -> Result<Vec<f64>, Error> {
-        self.followed(points, maps)
+    fn followed(
+        &self,
+        points: &[f64],
+        maps: usize,
+        pace: &mut Pace<'_>,
+    ) -> Result<Vec<f64>, Error> {
+        self.followed_at_pace(points, maps, pace)
     }
+}
+
+/// The image of a point, and the Jacobian there, row by row.
+type ImageAndJacobian = (Vec<f64>, Vec<f64>);
+
+/// What gives the image of a point with the Jacobian, until it is to stop.
+pub(super) fn until_stopped<'a>(
+    map: &'a dyn OrbitMap,
+    stop: &'a Stop,
+) -> impl Fn(&[f64]) -> Result<ImageAndJacobian, Error> + 'a {
+    move |z| {
+        stop.check()?;
+        map.with_jacobian(z)
+    }
+}
+
+/// What `of` finds by following orbits of a map, until Ctrl-C.
+pub(super) fn following<T: Send>(
+    py: Python<'_>,
+    map: &dyn OrbitMap,
+    of: impl FnOnce(Follow<'_>) -> Result<T, Error> + Send,
+) -> PyResult<T> {
+    stoppable(py, |stop| {
+        let mut go_on = || stop.go_on();
+        let pace = RefCell::new(Pace::asking(&mut go_on));
+        of(&|points: &[f64], maps: usize| map.followed(points, maps, &mut pace.borrow_mut()))
+    })
 }
 
 pub(super) fn as_dict<'py>(py: Python<'py>, orbit: PeriodicOrbit) -> PyResult<Bound<'py, PyDict>> {
@@ -70,7 +105,7 @@ pub(super) fn periodic_orbits_of<'py>(
     let guesses = rows_of("guesses", guesses, dof)?;
     let guesses: Vec<Vec<f64>> = guesses.chunks_exact(2 * dof).map(<[f64]>::to_vec).collect();
     let found =
-        py.detach(|| periodic_orbits(&|z: &[f64]| map.with_jacobian(z), &guesses, period, apart))?;
+        stoppable(py, |stop| periodic_orbits(&until_stopped(map, stop), &guesses, period, apart))?;
     as_list(py, found)
 }
 
@@ -94,7 +129,7 @@ pub(super) fn symmetric_orbits_of<'py>(
     };
     let line = SymmetryLine { reversor, ..line };
     let found =
-        py.detach(|| symmetric_periodic_orbits(&|z: &[f64]| map.with_jacobian(z), &line, period))?;
+        stoppable(py, |stop| symmetric_periodic_orbits(&until_stopped(map, stop), &line, period))?;
     as_list(py, found)
 }
 
@@ -109,10 +144,9 @@ pub(super) fn island_of<'py>(
 ) -> PyResult<Option<Bound<'py, PyDict>>> {
     of_a_plane(map)?;
     let (guess, around) = (point_of("guess", guess, 1)?, point_of("around", around, 1)?);
-    let found = py.detach(|| {
-        let orbit = periodic_orbit(&|z: &[f64]| map.with_jacobian(z), &guess, period)?;
-        let follow = |points: &[f64], maps: usize| map.followed(points, maps);
-        IslandSearch::of_orbit(&orbit, ([around[0], around[1]], reach), &follow)
+    let orbit = stoppable(py, |stop| periodic_orbit(&until_stopped(map, stop), &guess, period))?;
+    let found = following(py, map, |follow| {
+        IslandSearch::of_orbit(&orbit, ([around[0], around[1]], reach), follow)
     })?;
     let Some(island) = found else { return Ok(None) };
     let out = PyDict::new(py);
@@ -140,7 +174,7 @@ pub(super) fn of_orbit(
     of: OfOrbit,
 ) -> PyResult<f64> {
     let point = point_of("point", point, map.dof())?;
-    Ok(py.detach(|| of(&|z: &[f64]| map.with_jacobian(z), &point, steps))?)
+    stoppable(py, |stop| of(&until_stopped(map, stop), &point, steps))
 }
 
 /// What moves points of the data to their images or preimages.
@@ -157,8 +191,8 @@ pub(super) fn manifold_of<'py>(
 ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
     let guess = point_of("point", guess, map.dof())?;
     Error::check_count("guess: numbers", 2, guess.len())?;
-    let points = py.detach(|| {
-        let mut orbit = periodic_orbit(&|z: &[f64]| map.with_jacobian(z), &guess, period)?;
+    let points = stoppable(py, |stop| {
+        let mut orbit = periodic_orbit(&until_stopped(map, stop), &guess, period)?;
         let direction = if stable { Direction::Inverse } else { Direction::Forward };
         if stable {
             // The inverse goes round the other way, with the inverse of M, whose determinant is 1.
@@ -166,7 +200,8 @@ pub(super) fn manifold_of<'py>(
             let [a, b, c, d] = [0, 1, 2, 3].map(|k| orbit.multiplier_matrix[k]);
             orbit.multiplier_matrix = vec![d, -b, -c, a];
         }
-        manifold(&|z: &mut [f64]| mover(direction, z), &orbit, branch)
+        let moved = |z: &mut [f64]| stop.check().and_then(|()| mover(direction, z));
+        manifold(&moved, &orbit, branch)
     })?;
     let count = points.len() / 2;
     array(py, points, vec![count, 2])
@@ -191,8 +226,19 @@ pub(super) fn tunes<'py>(py: Python<'py>, orbits: Rows<'py>) -> PyResult<TwoArra
         let found = format!("an array of shape {shape:?}");
         return Err(Error::invalid("orbits", found, "(T, 2n) or (T, M, 2n)").into());
     }
-    let orbits = Trajectories::new(values, dim, count)?;
-    let found = py.detach(|| tunes_of(&orbits));
+    let found = interruptible(py, |pace| {
+        let (mut found, states) = (Vec::new(), values.len() / (count * dim));
+        while found.len() < count {
+            // A few hundred sums over the states of each.
+            let first = found.len();
+            let last = count.min(first + pace.part(states.saturating_mul(1000)));
+            let rows = values.chunks_exact(count * dim);
+            let part = rows.flat_map(|row| &row[first * dim..last * dim]).copied().collect();
+            found.extend(tunes_of(&Trajectories::new(part, dim, last - first)?));
+            pace.pause("tunes", states.saturating_mul(1000 * (last - first)))?;
+        }
+        Ok(found)
+    })?;
     let of = |values: Vec<f64>| {
         let alone = shape.len() == 2;
         array(py, values, if alone { vec![dim / 2] } else { vec![count, dim / 2] })
@@ -218,7 +264,7 @@ pub(super) fn spectral_lines<'py>(
         return Err(Error::invalid("signal", found, "(T, 2)").into());
     }
     let signal: Vec<[f64; 2]> = values.chunks_exact(2).map(|z| [z[0], z[1]]).collect();
-    let found = py.detach(|| lines_of(&signal, count));
+    let found = measured(py, || Ok(lines_of(&signal, count)))?;
     let amplitudes = found.iter().flat_map(|line| line.amplitude).collect();
     let frequencies: Vec<f64> = found.iter().map(|line| line.frequency).collect();
     let lines = frequencies.len();
@@ -254,7 +300,7 @@ impl PyInvariantCircle {
     #[new]
     fn new(py: Python<'_>, orbit: Rows<'_>, turns: f64) -> PyResult<Self> {
         let orbit = rows_of("orbit", &orbit, 1)?;
-        Ok(Self(py.detach(|| InvariantCircle::of_orbit(&orbit, turns))?))
+        Ok(Self(measured(py, || InvariantCircle::of_orbit(&orbit, turns))?))
     }
 
     /// The rotation number of the curve, in turns per step.

@@ -2,9 +2,11 @@
 
 use super::arrays::Points;
 use super::exception;
+use super::orbits::{OrbitMap, following};
 use super::trained::warn;
 use crate::error::Error;
 use crate::flow::Region;
+use crate::measure::orbits::maps_survived;
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods};
 use pyo3::prelude::*;
 
@@ -70,12 +72,17 @@ pub(super) fn box_of(
 /// points.
 pub(super) fn survived<'py>(
     py: Python<'py>,
+    map: &dyn OrbitMap,
     points: &Points,
     steps: usize,
-    of: impl FnOnce() -> Result<Vec<Option<usize>>, Error> + Send,
+    region: &Region,
 ) -> PyResult<Bound<'py, PyArrayDyn<i64>>> {
     Error::check_count_range("steps", steps, 1, i64::MAX as usize - 1)?;
     let last = |lost: Option<usize>| lost.unwrap_or(steps + 1) as i64;
-    let found: Vec<i64> = py.detach(of)?.into_iter().map(last).collect();
+    let stays = |z: &[f64]| region.first_outside(z).is_none();
+    let found = following(py, map, |follow| {
+        maps_survived(follow, &points.values, 2 * map.dof(), steps, &stays)
+    })?;
+    let found: Vec<i64> = found.into_iter().map(last).collect();
     PyArray1::from_vec(py, found).reshape(points.shape(&[], &[]))
 }

@@ -4,16 +4,17 @@ use super::arrays::{Points, Rows, array, dof_of, points_of, rows_of};
 use super::orbits::{self, OrbitMap};
 use super::outside::{Outside, box_of, survived};
 use super::trained::warn;
-use super::{PyCertificate, by_parts, interruptible};
+use super::{PyCertificate, by_parts, interruptible, measured};
 use crate::error::Error;
 use crate::flow::{Pairs, PolynomialOnSection, Symmetries};
-use crate::io::{Provenance, StoredPolynomial, load_polynomial, read_section, save_polynomial};
+use crate::io::{
+    Provenance, StoredPolynomial, load_polynomial, parse_polynomial, polynomial_text, read_section,
+    save_polynomial,
+};
 use crate::layer::Reversor;
 use crate::measure::certificate::{CertificateOptions, certify_polynomial};
-use crate::measure::orbits::{
-    Branch, SymmetryLine, lyapunov_exponent, maps_survived, smaller_alignment_index,
-};
-use crate::network::Rollout;
+use crate::measure::orbits::{Branch, SymmetryLine, lyapunov_exponent, smaller_alignment_index};
+use crate::network::{Pace, Rollout};
 use crate::phase::Direction;
 use crate::train::{Control, PolynomialFit, PolynomialTrial};
 use numpy::PyArrayDyn;
@@ -73,8 +74,14 @@ impl OrbitMap for PolynomialOnSection {
         self.check_points("points", z)?;
         Ok(self.with_jacobian(z))
     }
-    fn followed(&self, points: &[f64], maps: usize) -> Result<Vec<f64>, Error> {
-        Ok(self.rollout(points, Rollout { steps: maps, every: 1 })?.split_off(points.len()))
+    fn followed(
+        &self,
+        points: &[f64],
+        maps: usize,
+        pace: &mut Pace<'_>,
+    ) -> Result<Vec<f64>, Error> {
+        let request = Rollout { steps: maps, every: 1 };
+        Ok(self.rollout_at_pace(points, request, pace)?.split_off(points.len()))
     }
 }
 
@@ -225,7 +232,7 @@ impl PySymplecticPolynomial {
     fn verify(&self, py: Python<'_>, samples: usize, seed: u64) -> PyResult<PyCertificate> {
         let options = CertificateOptions { samples, seed, ..CertificateOptions::default() };
         options.check()?;
-        let inner = py.detach(|| certify_polynomial(self.map.map(), options))?;
+        let inner = measured(py, || certify_polynomial(self.map.map(), options))?;
         Ok(PyCertificate { inner, notes: Vec::new() })
     }
 
@@ -242,11 +249,7 @@ impl PySymplecticPolynomial {
     ) -> PyResult<Bound<'py, PyArrayDyn<i64>>> {
         let points = self.points(&points)?;
         let region = box_of([low, high], Some(self.map.region()), self.dof)?;
-        survived(py, &points, steps, || {
-            let follow = |starts: &[f64], maps: usize| self.map.followed(starts, maps);
-            let stays = |z: &[f64]| region.first_outside(z).is_none();
-            maps_survived(&follow, &points.values, 2 * self.dof, steps, &stays)
-        })
+        survived(py, &self.map, &points, steps, &region)
     }
 
     /// The distinct orbits of exactly `period` steps that Newton's method finds from `guesses`, (N, 2n), in units of
@@ -337,6 +340,22 @@ impl PySymplecticPolynomial {
         orbits::manifold_of(py, (&self.map, &mover), &guess, period, stable, branch)
     }
 
+    fn __copy__(&self) -> Self {
+        Self { map: self.map.clone(), dof: self.dof, provenance: self.provenance.clone() }
+    }
+
+    fn __deepcopy__(&self, _memo: &Bound<'_, PyAny>) -> Self {
+        self.__copy__()
+    }
+
+    /// What makes it again: the text of its file.
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (String,))> {
+        let restore = py.import("gyroceptron._native")?.getattr("_restore_polynomial")?;
+        let provenance = self.provenance.clone();
+        let text = polynomial_text(&StoredPolynomial { map: self.map.clone(), provenance })?;
+        Ok((restore, (text,)))
+    }
+
     fn __repr__(&self) -> String {
         format!(
             "<gyroceptron.SymplecticPolynomial: degree {}, {} parameters, {} degrees of freedom>",
@@ -345,4 +364,12 @@ impl PySymplecticPolynomial {
             self.dof
         )
     }
+}
+
+/// A polynomial from its pickled text.
+#[pyfunction]
+pub(super) fn _restore_polynomial(text: &str) -> PyResult<PySymplecticPolynomial> {
+    let StoredPolynomial { map, provenance } =
+        parse_polynomial("pickled polynomial", text.as_bytes())?;
+    Ok(PySymplecticPolynomial { dof: map.map().dof(), map, provenance })
 }

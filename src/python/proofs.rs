@@ -1,8 +1,9 @@
 //! Proofs of circles in Python.
 
-use super::Model;
+use super::{Model, stoppable};
 use crate::error::Error;
 use crate::io::{ProofFile, ProofRequest, Proofs};
+use crate::measure::proof::{NobleNumber, Verdict};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::PathBuf;
@@ -44,11 +45,13 @@ pub(super) fn prove<'py>(
     }
     let request = ProofRequest { numbers, circles, from: start, to: end };
     let stored = &model.stored;
-    let proofs = py.detach(|| {
-        Proofs::of_model(stored, &request, |_, _, file| match &output {
+    let proofs = stoppable(py, |stop| {
+        let found = |_: &NobleNumber, _: &Verdict, file: &ProofFile| match &output {
             Some(path) if !file.circles.is_empty() => file.save(path),
             _ => Ok(()),
-        })
+        };
+        let asked = stop.clone();
+        Proofs::of_model_unless_stopped(stored, &request, found, move || asked.go_on())
     })?;
     if let Some(path) = output.filter(|_| !proofs.file.circles.is_empty()) {
         proofs.file.save(&path)?;
@@ -65,9 +68,11 @@ pub(super) fn check_proof<'py>(
     model: &Model,
     path: PathBuf,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let file = py.detach(|| -> Result<ProofFile, Error> {
+    let file = stoppable(py, |stop| {
         let file = ProofFile::load(&path)?;
-        file.check(&model.stored).map_err(|error| error.with_place(path.display()))?;
+        let asked = stop.clone();
+        file.check_unless_stopped(&model.stored, move || asked.go_on())
+            .map_err(|error| error.with_place(path.display()))?;
         Ok(file)
     })?;
     let out = PyDict::new(py);

@@ -266,6 +266,13 @@ pub(super) fn train(
     callback: Option<Py<PyAny>>,
 ) -> PyResult<Model> {
     let is_of_scene = scene.is_some();
+    if let Some(iterations) = iterations {
+        let found = usize::try_from(iterations).unwrap_or(usize::MAX);
+        Error::check_count_range("iterations", found, 1, usize::MAX)?;
+    }
+    if resume && checkpoint.is_none() {
+        return Err(Error::invalid("resume", "True", "a checkpoint beside it").into());
+    }
     let (name, base) = base(recipe, scene)?;
     let action = circle_action.given()?;
     let dof = action.as_ref().map_or_else(|| dof_of("input", &input), |action| Ok(action.dof()))?;
@@ -358,12 +365,9 @@ pub(super) fn train(
         return Err(raised);
     }
     let problem = problem?;
-    let mut notes = Vec::new();
-    for note in &problem.notes {
-        match note {
-            FitNote::Reading(_) => warn(py, &note.to_string())?,
-            _ => notes.push(note.to_string()),
-        }
+    let notes = problem.notes.iter().map(FitNote::to_string).collect();
+    for note in problem.notes.iter().filter(|note| note.is_warning()) {
+        warn(py, &note.to_string())?;
     }
     let checkpoints = checkpoint.map(|path| Checkpoints::new(path, resume));
     if let Some(checkpoints) = &checkpoints {
@@ -457,12 +461,13 @@ impl Shapes {
         let given = sizes.into_iter().filter_map(|(key, size)| Some((key, size?)));
         let sizes: Vec<(&str, LayerSizes)> =
             given.map(|(key, size)| Ok((key, layers(size)?))).collect::<Result<_, Error>>()?;
+        let has_parts = self.radius.is_some() || self.reversor.is_some();
         let keys: Vec<&str> = sizes.iter().map(|(key, _)| *key).collect();
         let network = match (architecture, before) {
             _ if !blocks.is_empty() => NetworkSpec::of_blocks(blocks),
             (Some(name), _) => NetworkSpec::named(name)?,
             (None, Some(network)) => network,
-            (None, None) if keys.is_empty() && self.reversor.is_none() => return Ok(None),
+            (None, None) if keys.is_empty() && !has_parts => return Ok(None),
             (None, None) if keys.is_empty() => NetworkSpec::named("normal-form")?,
             (None, None) => NetworkSpec::with_parts(&keys)?,
         };
@@ -500,6 +505,7 @@ fn next_call(step: NextStep) -> String {
         NextStep::NormalForm => with("architecture=\"normal-form\", optimiser=\"lm\""),
         NextStep::Action => with("circle_action=\"auto\""),
         NextStep::Iterations(iterations) => with(&format!("iterations={iterations}")),
+        NextStep::HoldOut => with(&format!("validation={}", Fit::HELD_OUT)),
         NextStep::Pairs(_) => "gyroceptron.train(more_input, more_output, …)".into(),
         NextStep::Marquardt => with("optimiser=\"lm\""),
         NextStep::Starts(starts) => with(&format!("starts={starts}")),

@@ -81,7 +81,7 @@ impl Grid {
         Ok(Self { bits, numbers })
     }
 
-    /// B.
+    /// The number B of binary places of the grid.
     pub fn bits(self) -> u32 {
         self.bits
     }

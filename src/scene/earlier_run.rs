@@ -74,6 +74,22 @@ impl Folder {
         Ok(folder)
     }
 
+    /// Removes the scene of a run that failed before anything else was written, also of its parts, so that the run can
+    /// be called again as it was. A folder that cannot be read stays as it is: the failure is what is reported.
+    pub(super) fn remove_bare_scenes(&self) {
+        fn is_removed(path: &Path) -> bool {
+            let Ok(entries) = std::fs::read_dir(path) else { return false };
+            let paths: Vec<_> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
+            let (folders, files): (Vec<_>, Vec<_>) = paths.into_iter().partition(|p| p.is_dir());
+            // All are looked at, also after one that is not bare.
+            let bare = folders.iter().filter(|folder| !is_removed(folder)).count() == 0;
+            let own = path.join(AS_RUN);
+            bare && files.iter().all(|file| *file == own)
+                && (files.is_empty() || std::fs::remove_file(&own).is_ok())
+        }
+        is_removed(&self.path);
+    }
+
     /// Whether files of a run are in this folder.
     pub(super) fn holds_run(path: &Path) -> bool {
         holds_run(path)

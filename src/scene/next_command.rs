@@ -1,6 +1,7 @@
 //! What to try after a training, as a command: the one that was typed, with other options.
 
 use super::own_pairs::NextStep;
+use crate::train::Fit;
 use std::path::Path;
 
 /// The command of a step, from the arguments of the program without its name.
@@ -30,6 +31,10 @@ pub fn next_command(typed: &[String], step: NextStep, model: &Path) -> String {
         }
         NextStep::Iterations(iterations) => {
             with(&["--iterations"], &["--iterations", &iterations.to_string(), "--resume"])
+        }
+        NextStep::HoldOut => {
+            let share = Fit::HELD_OUT.to_string();
+            with(&["--validation"], &["--validation", &share, "--overwrite"])
         }
         NextStep::Pairs(_) => with(&["--data"], &["--data", "MORE-PAIRS.npz", "--overwrite"]),
         NextStep::Marquardt => with(&["--optimiser"], &["--optimiser", "lm", "--overwrite"]),

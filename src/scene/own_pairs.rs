@@ -17,7 +17,7 @@ use crate::flow::Pairs;
 use crate::measure::trajectories::{
     component_errors, plane_motions, root_mean_square, rotation_errors,
 };
-use crate::network::NetworkSpec;
+use crate::network::{NetworkSpec, Structure};
 use crate::scalar::max_or_nan;
 use crate::train::{
     ActionTrial, Fit, FitNote, Fitted, Judgement, Limit, Optimiser, Outcome, Problem, Scheduled,
@@ -38,6 +38,8 @@ pub enum NextStep {
     Action,
     /// Go on, up to this number of iterations.
     Iterations(u64),
+    /// Hold pairs out, to judge by.
+    HoldOut,
     /// Get more pairs than this number.
     Pairs(usize),
     /// Use Levenberg–Marquardt in place of the optimiser.
@@ -49,8 +51,6 @@ pub enum NextStep {
 impl NextStep {
     /// Fewer iterations are no ground to judge a network.
     const FEW: u64 = 50;
-    /// Of fewer pairs more are asked for, where too few are held out to judge by.
-    const USUAL: usize = 1000;
 
     /// What to try after a fit with this judgement.
     pub fn of(fitted: &Fitted, judgement: &Judgement) -> Self {
@@ -71,9 +71,12 @@ impl NextStep {
         if judgement.is_yes() {
             return Self::Predict;
         }
-        let is_short = judgement.too_few.is_some() && judgement.held_out.is_some();
-        let too_few = is_short && problem.pairs.len() < Self::USUAL;
-        if judgement.limit == Limit::Data || too_few {
+        if judgement.too_few.is_some() {
+            let all = problem.pairs.len() + judgement.held_out.unwrap_or(0);
+            let enough = Fit::HELD_OUT * all as f64 >= Judgement::FEWEST as f64;
+            return if enough { Self::HoldOut } else { Self::Pairs(problem.pairs.len()) };
+        }
+        if judgement.limit == Limit::Data {
             return Self::Pairs(problem.pairs.len());
         }
         let falling = judgement.limit == Limit::Iterations && outcome.stop == Stop::Iterations;
@@ -86,7 +89,7 @@ impl NextStep {
             let spec = NetworkSpec::named("normal-form").ok()?;
             spec.architecture(&action, 0.01, 1.0).ok()
         });
-        if architecture.name() == Some("gyroceptron")
+        if architecture.structure() == Structure::NearlyPeriodic
             && rotation < Fit::TURNS
             && normal_form.is_some_and(|architecture| architecture.check().is_ok())
         {
@@ -123,6 +126,9 @@ impl NextStep {
                     .into()
             }
             Self::Iterations(_) => "the iterations were done before the loss was at rest".into(),
+            Self::HoldOut => {
+                format!("a verdict takes {} pairs that the training does not see", Judgement::FEWEST)
+            }
             Self::Pairs(count) => format!(
                 "{count} training pairs are too few to learn from and to judge by; some thousands are usual"
             ),

@@ -32,7 +32,12 @@ pub fn run(
     match run_complete(scene, folder, observer) {
         Ok(report) => Ok(Some(report)),
         Err(RunError::Interrupted) => Ok(None),
-        Err(RunError::Failed(error)) => Err(error),
+        Err(RunError::Failed(error)) => {
+            if !folder.resumes() {
+                folder.remove_bare_scenes();
+            }
+            Err(error)
+        }
     }
 }
 

@@ -1,6 +1,6 @@
 //! A charged particle that drifts through the cells of an electric potential.
 
-use super::{AverageConstants, Hamiltonian, NearlyPeriodic, Splittable, turn};
+use super::{AverageConstants, AveragePart, Hamiltonian, NearlyPeriodic, Splittable, turn};
 use crate::error::Error;
 use crate::layer::CircleAction;
 use crate::scalar::Elementary;
@@ -136,6 +136,33 @@ impl NearlyPeriodic for CellularDrift {
         (out[0], out[2]) = (shift * z[2], -(shift * z[0]));
         let size = epsilon * k * *bessel;
         (out[1], out[3]) = (-(size * sin_y * sin_x), -(size * cos_y * cos_x));
+    }
+    /// sin ky cos kx = ½ sin k(y + x) + ½ sin k(y − x): A and B.
+    fn average_split(&self) -> Option<Vec<f64>> {
+        Some(vec![0.0; 2])
+    }
+    #[inline(always)]
+    fn flow_of_average<S: Elementary>(
+        &self,
+        part: AveragePart,
+        z: &mut [S],
+        [bessel, slope, ..]: &AverageConstants<S>,
+        time: S,
+    ) -> S {
+        let k = S::from_f64(self.wavenumber);
+        let half = S::from_f64(0.5 * self.epsilon) * time;
+        let form = match part {
+            AveragePart::A => z[1] + z[3],
+            AveragePart::B => z[1] - z[3],
+        };
+        let (sin, cos) = (k * form).sin_cos();
+        let change = half * k * *bessel * cos;
+        match part {
+            AveragePart::A => z[1] += change,
+            AveragePart::B => z[1] -= change,
+        }
+        z[3] -= change;
+        half * *slope * sin
     }
     fn limiting_flow<S: Elementary>(&self, z: &mut [S], time: S) {
         turn(z, 0, 2, time);

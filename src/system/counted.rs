@@ -1,6 +1,6 @@
 //! A system that counts how often its equations of motion are evaluated.
 
-use super::{AverageConstants, Hamiltonian, NearlyPeriodic};
+use super::{AverageConstants, AveragePart, Hamiltonian, NearlyPeriodic};
 use crate::error::Error;
 use crate::layer::{CircleAction, TorusAction};
 use crate::scalar::Elementary;
@@ -97,6 +97,19 @@ impl<H: NearlyPeriodic> NearlyPeriodic for Counted<'_, H> {
         out: &mut [S],
     ) {
         self.system.averaged_field(z, constants, out);
+    }
+    fn average_split(&self) -> Option<Vec<f64>> {
+        self.system.average_split()
+    }
+    #[inline(always)]
+    fn flow_of_average<S: Elementary>(
+        &self,
+        part: AveragePart,
+        z: &mut [S],
+        constants: &AverageConstants<S>,
+        time: S,
+    ) -> S {
+        self.system.flow_of_average(part, z, constants, time)
     }
     fn limiting_flow<S: Elementary>(&self, z: &mut [S], time: S) {
         self.system.limiting_flow(z, time);

@@ -1,6 +1,6 @@
 //! A charged particle in a strong magnetic field that varies within its gyroradius.
 
-use super::{AverageConstants, Hamiltonian, NearlyPeriodic, Splittable, turn};
+use super::{AverageConstants, AveragePart, Hamiltonian, NearlyPeriodic, Splittable, turn};
 use crate::error::Error;
 use crate::layer::CircleAction;
 use crate::scalar::Elementary;
@@ -193,6 +193,43 @@ impl NearlyPeriodic for FullOrbit {
         let of_square = second * *of_double * two;
         out[1] = of_square * sx * cx - (of_field + of_potential) * sx;
         out[3] = of_field * sy - of_potential * cy - of_square * sy * cy;
+    }
+    /// A: the waves of X. B: those of Y.
+    fn average_split(&self) -> Option<Vec<f64>> {
+        Some(vec![0.0; 2])
+    }
+    #[inline(always)]
+    fn flow_of_average<S: Elementary>(
+        &self,
+        part: AveragePart,
+        z: &mut [S],
+        [j0, j1, of_double, j1_of_double]: &AverageConstants<S>,
+        time: S,
+    ) -> S {
+        let (k, strength) = (S::from_f64(self.wavenumber), S::from_f64(self.potential));
+        let (one, two) = (S::from_f64(1.0), S::from_f64(2.0));
+        let epsilon = S::from_f64(self.epsilon) * time;
+        let second = S::from_f64(0.5 * self.epsilon * self.epsilon) * time / k;
+        let of_field = epsilon * *j1 * (z[0] * z[0] + z[2] * z[2]);
+        let of_potential = epsilon * strength * k * *j0;
+        let of_square = second * *of_double * two;
+        let at = match part {
+            AveragePart::A => z[3],
+            AveragePart::B => z[1],
+        };
+        let (sin, cos) = (k * at).sin_cos();
+        let wave = match part {
+            AveragePart::A => {
+                z[1] += of_square * sin * cos - (of_field + of_potential) * sin;
+                cos
+            }
+            AveragePart::B => {
+                z[3] += of_field * sin - of_potential * cos - of_square * sin * cos;
+                sin
+            }
+        };
+        let first = epsilon * (*j0 * cos - strength * k * *j1 * wave);
+        first + second * *j1_of_double * (one - two * sin * sin)
     }
     fn limiting_flow<S: Elementary>(&self, z: &mut [S], time: S) {
         turn(z, 0, 2, time);

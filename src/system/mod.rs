@@ -135,6 +135,15 @@ pub fn divergence(system: &impl Hamiltonian, z: &[f64], time: f64) -> f64 {
 /// [`NearlyPeriodic::average_constants`].
 pub type AverageConstants<S = f64> = [S; 4];
 
+/// The two parts of a closed average whose flows are exact: see [`NearlyPeriodic::average_split`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AveragePart {
+    /// The part that turns planes.
+    A,
+    /// The other one.
+    B,
+}
+
 /// A nearly-periodic system.
 ///
 /// Its flow at ε = 0 is ψ∘Φ_{ω₀t}∘ψ⁻¹ with the system's circle action Φ, a
@@ -184,6 +193,28 @@ pub trait NearlyPeriodic: Hamiltonian {
     ) {
         let _ = (z, constants);
         out.fill(S::from_f64(f64::NAN));
+    }
+
+    /// The frequencies at which part A of the [closed average](NearlyPeriodic::averaged_field) turns the planes, where
+    /// the average is a sum A + B of two parts whose flows are exact; None where it is none.
+    fn average_split(&self) -> Option<Vec<f64>> {
+        None
+    }
+
+    /// z ← the exact flow over `time` of a part of the average: of A without its turns, or of B. The flow turns the
+    /// circle through z too; that turn is left out, and its angle is returned. It exists where
+    /// [`NearlyPeriodic::average_split`] does; elsewhere z and the angle are NaN.
+    #[inline(always)]
+    fn flow_of_average<S: Elementary>(
+        &self,
+        part: AveragePart,
+        z: &mut [S],
+        constants: &AverageConstants<S>,
+        time: S,
+    ) -> S {
+        let _ = (part, constants, time);
+        z.fill(S::from_f64(f64::NAN));
+        S::from_f64(f64::NAN)
     }
 
     /// z ← the exact flow of the limit ε = 0 over `time`: the rotation that a
@@ -442,6 +473,19 @@ impl NearlyPeriodic for System {
         out: &mut [S],
     ) {
         each_system!(self, s => s.averaged_field(z, constants, out))
+    }
+    fn average_split(&self) -> Option<Vec<f64>> {
+        each_system!(self, s => s.average_split())
+    }
+    #[inline(always)]
+    fn flow_of_average<S: Elementary>(
+        &self,
+        part: AveragePart,
+        z: &mut [S],
+        constants: &AverageConstants<S>,
+        time: S,
+    ) -> S {
+        each_system!(self, s => s.flow_of_average(part, z, constants, time))
     }
     fn limiting_flow<S: Elementary>(&self, z: &mut [S], time: S) {
         each_system!(self, s => s.limiting_flow(z, time))

@@ -1,6 +1,6 @@
 //! Two nonlinearly coupled oscillators, one fast and one slow.
 
-use super::{AverageConstants, Hamiltonian, NearlyPeriodic, Splittable, turn};
+use super::{AverageConstants, AveragePart, Hamiltonian, NearlyPeriodic, Splittable, turn};
 use crate::layer::CircleAction;
 use crate::scalar::Elementary;
 use serde::{Deserialize, Serialize};
@@ -99,6 +99,28 @@ impl NearlyPeriodic for Oscillators {
         (out[0], out[2]) = (shift * z[2], -(shift * z[0]));
         out[1] = epsilon * z[3];
         out[3] = -(epsilon * (z[1] + *c * (cos - (z[1] + z[1]) * sin)));
+    }
+    /// A: the slow oscillator. B: εc q₂ cos 2q₂.
+    fn average_split(&self) -> Option<Vec<f64>> {
+        Some(vec![0.0, self.epsilon])
+    }
+    #[inline(always)]
+    fn flow_of_average<S: Elementary>(
+        &self,
+        part: AveragePart,
+        z: &mut [S],
+        [c, slope, ..]: &AverageConstants<S>,
+        time: S,
+    ) -> S {
+        match part {
+            AveragePart::A => S::zero(),
+            AveragePart::B => {
+                let (double, kick) = (z[1] + z[1], S::from_f64(self.epsilon) * time);
+                let (sin, cos) = double.sin_cos();
+                z[3] -= kick * *c * (cos - double * sin);
+                kick * *slope * z[1] * cos
+            }
+        }
     }
     fn limiting_flow<S: Elementary>(&self, z: &mut [S], time: S) {
         turn(z, 0, 2, time);

@@ -86,7 +86,7 @@ impl Default for Fit {
             controls: ControlOptions::default(),
             section: None,
             units: true,
-            validation: 0.1,
+            validation: Self::HELD_OUT,
             seed: 0,
         }
     }
@@ -208,6 +208,22 @@ impl fmt::Display for FitNote {
 }
 
 impl FitNote {
+    /// Whether it is on pairs that the network may be wrong for, and not only on what was chosen.
+    pub fn is_warning(&self) -> bool {
+        match self {
+            Self::Reading(_)
+            | Self::NegativeEpsilons(..)
+            | Self::Form(..)
+            | Self::Reversal(_)
+            | Self::Mirror(_) => true,
+            Self::Action(_)
+            | Self::Units(_)
+            | Self::Section(_)
+            | Self::Controls(..)
+            | Self::Recommended(_) => false,
+        }
+    }
+
     /// The note on ε below 0, where there are some.
     pub fn of_negative_epsilons(pairs: &Pairs) -> Option<Self> {
         let below = pairs.conditions().iter().filter(|condition| condition.epsilon < 0.0);
@@ -238,6 +254,8 @@ const EPSILON: f64 = 0.01;
 impl Fit {
     /// The distribution of the initial weights of a network.
     pub const WEIGHTS: InitialWeights = InitialWeights::Normal { scale: 0.15 };
+    /// The share of the pairs that is held out.
+    pub const HELD_OUT: f64 = 0.1;
     /// How many sets of initial weights are tried.
     pub const STARTS: u64 = 3;
     /// If the nearest rotation leaves more than this share of the data, the planes are not those

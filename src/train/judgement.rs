@@ -19,10 +19,6 @@ const ORBITS: usize = OwnInvariance::ORBITS;
 /// Applications of the network in each orbit.
 pub const STEPS: usize = OwnInvariance::ITERATIONS;
 
-/// The fewest held-out pairs for a verdict. With a probability of 95 % the largest error of so many
-/// pairs exceeds that of nine tenths of all points: 0.9³⁰ = 4 % is less than a twentieth.
-const FEWEST: usize = 30;
-
 /// What limits the error of a training.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Limit {
@@ -189,6 +185,10 @@ pub struct Trust {
 }
 
 impl Judgement {
+    /// The fewest held-out pairs for a verdict. With a probability of 95 % the largest error of so many pairs exceeds
+    /// that of nine tenths of all points: 0.9³⁰ = 4 % is less than a twentieth.
+    pub const FEWEST: usize = 30;
+
     /// Judges the outcome of a training on these pairs; `action` and `angles` are the rotation
     /// nearest to the pairs.
     ///
@@ -243,11 +243,12 @@ impl Judgement {
                         .into(),
                 );
             }
-            Some(held) if held < FEWEST => {
+            Some(held) if held < Self::FEWEST => {
                 let pairs = if held == 1 { "pair was" } else { "pairs were" };
                 first = Some(format!(
-                    "only {held} {pairs} held out: a verdict takes {FEWEST}, of which the worst \
-                     bounds nine tenths of all errors (at 95 %)"
+                    "only {held} {pairs} held out: a verdict takes {}, of which the worst bounds nine tenths of all errors \
+                     (at 95 %)",
+                    Self::FEWEST
                 ));
             }
             _ => {}
@@ -270,9 +271,10 @@ impl Judgement {
             // They may follow the true flow, which is not known outside the box; single steps
             // inside are not affected.
             let of = if 4 * astray > count { &mut long } else { &mut care };
+            let whose = if held_out.is_some() { "held-out" } else { "training" };
             of.push(format!(
                 "{astray} of {count} orbits of {STEPS} steps leave the box of the pairs by more \
-                 than half its width, the first, from held-out point {row}, after {step} steps"
+                 than half its width, the first, from {whose} point {row}, after {step} steps"
             ));
         }
         for (j, swing) in swings.iter().enumerate() {

@@ -201,6 +201,9 @@ fn a_scene_of_coils_is_run_and_its_model_predicts_lines() {
     let run =
         ["run", "both.toml", "--out", "b", "--asymmetric", "--axis", "3.95,0", "--reach", "0.9"];
     refuses(path, &[&run[..], &own[..4]].concat(), &["--field-periods"]);
+    // In a folder with anything else in it the scene stays, although nothing was computed.
+    std::fs::create_dir(path.join("b")).expect("made");
+    std::fs::write(path.join("b/notes.txt"), "mine").expect("written");
     let found = call(path, &[&run[..], &own].concat());
     let said = text(&found.stderr);
     assert!(said.contains("the axis at (3.9575"), "{said}");
@@ -663,5 +666,15 @@ fn bad_machines_are_refused_before_anything_is_written() {
     assert_eq!(far.status.code(), Some(2));
     let said = text(&far.stderr);
     assert!(said.contains("reach") && said.contains("(R, Z)"), "{said}");
+    // Nothing was computed: the same command can be called again.
+    assert!(!path.join("a").join("as-run.toml").exists());
+    assert_eq!(
+        call(path, &["run", "lines.toml", "--out", "a", "--reach", "0.9"]).stderr,
+        far.stderr
+    );
+    // In a winding, where the field is that of the points along it, there is no axis.
+    let winding = call(path, &["run", "lines.toml", "--out", "b", "--axis", "4.875,0"]);
+    let said = String::from_utf8_lossy(&winding.stderr);
+    assert!(!winding.status.success() && said.contains("axis from (R, Z) = (4.875, 0)"), "{said}");
     assert!(!path.join("a/report.json").exists());
 }

@@ -28,6 +28,55 @@ fn names_that_say_another_format_are_refused() {
     refuses(path, &[&input[..], &["--output", "t.npy"]].concat(), &["pairs.csv"]);
 }
 
+/// The number and the name of the block are told, and nothing is written.
+#[test]
+fn lists_of_blocks_that_cannot_be_are_refused() {
+    let folder = with_model();
+    let path = folder.path();
+    let cases = [
+        (r#"{ part = "slow-map", layer = "henon", widths = { count = 1, width = 2 } }"#, "block 1"),
+        (r#"{ part = "chart", layer = "no-such", widths = { count = 1, width = 2 } }"#, "no-such"),
+    ];
+    for (block, words) in cases {
+        let scene = format!(
+            r#"
+name = "own"
+title = "Blocks"
+seed = 1
+flow_time = 0.5
+[data]
+pairs = "pairs.npz"
+validation = 0.1
+circle_action = [1, 0]
+epsilon = 0.05
+[[models]]
+name = "own"
+weights = {{ kind = "normal", scale = 0.1 }}
+[models.network]
+kind = "blocks"
+blocks = [{{ part = "conjugation", layer = "henon", widths = {{ count = 1, width = 2 }} }}, {block}]
+[training]
+iterations = 2
+optimiser = {{ kind = "levenberg-marquardt" }}
+"#
+        );
+        std::fs::write(path.join("own.toml"), scene).expect("written");
+        refuses(path, &["run", "own.toml", "--out", "out"], &["own.toml", words]);
+        let train = ["train", "--data", "pairs.npz", "--scene", "own.toml", "--output", "own.json"];
+        refuses(path, &train, &["own.toml", words]);
+        assert!(!path.join("out").exists() && !path.join("own.json").exists());
+    }
+}
+
+/// What is not said has a name.
+#[test]
+fn a_model_has_a_name_of_its_own() {
+    let folder = with_model();
+    let path = folder.path();
+    let train = ["train", "--data", "pairs.npz", "--circle-action", "1,0"];
+    refuses(path, &train, &["model.json", "--overwrite"]);
+}
+
 #[test]
 fn random_networks_are_certified() {
     let folder = folder();

@@ -69,16 +69,22 @@ fn a_wrong_action_and_few_pairs_have_a_next_step() {
     write_data(path);
     let pairs = read_pairs(&path.join("pairs.npz")).expect("pairs").pairs;
     write_pairs(&path.join("few.npz"), &pairs.thinned(60)).expect("written");
-    for (data, action, next) in
-        [("pairs.npz", "3,1", json!("action")), ("few.npz", "1,0", json!({ "pairs": 54 }))]
-    {
+    for (data, action, share, next) in [
+        ("pairs.npz", "3,1", "0.1", json!("action")),
+        ("few.npz", "1,0", "0.1", json!({ "pairs": 54 })),
+        ("pairs.npz", "1,0", "0", json!("hold-out")),
+        ("pairs.npz", "1,0", "0.001", json!("hold-out")),
+    ] {
         let train = ["train", "--data", data, "--circle-action", action, "--output", "m.json"];
-        let more = ["--iterations", "50", "--plateau", "0", "--overwrite"];
+        let more = ["--iterations", "50", "--plateau", "0", "--validation", share, "--overwrite"];
         succeeds(path, &[&train[..], &SMALL, &more].concat());
         let report = std::fs::read(path.join("m-report/report.json")).expect("a report");
         let report: Value = serde_json::from_slice(&report).expect("JSON");
         assert_eq!(report["studies"]["trust"]["next"], next, "{data}");
         let text = std::fs::read_to_string(path.join("m-report/report.md")).expect("a report");
+        let told = text.lines().find(|line| line.starts_with("**Next**")).expect("a next step");
+        assert_eq!(told.contains("--validation 0.1 --overwrite"), next == "hold-out", "{told}");
+        assert!(share != "0" || !text.contains("from held-out point"), "{text}");
         // What a normal form keeps whatever its weights is no evidence.
         assert!(text.contains("this is rounding"), "{text}");
     }

@@ -104,6 +104,27 @@ def test_another_reading_of_the_columns_is_a_warning(pairs):
         gyroceptron.train(*interleaved, [1, 0], recipe="paper", **options)
 
 
+def test_pairs_that_no_such_map_has_are_a_warning(pairs):
+    options = {"iterations": 1, "psi": (1, 2), "near_identity": (1, 2), "recipe": "paper"}
+    before, after = pairs
+    with pytest.warns(UserWarning, match="do not keep dq∧dp"):
+        model = gyroceptron.train(before, 0.9 * after, [1, 0], **options)
+    assert sum("do not keep" in note for note in model.notes) == 1
+    with pytest.warns(UserWarning, match="have ε below 0"):
+        model = gyroceptron.train(before, after, [1, 0], epsilon=np.where(before[:, 0] < 0, -0.05, 0.05), **options)
+    assert sum("have ε below 0" in note for note in model.notes) == 1
+
+
+def test_options_without_effect_are_refused(pairs):
+    for option, message in [
+        (dict(radius=1.5), "radius"),
+        (dict(resume=True), "resume: expected a checkpoint"),
+        (dict(iterations=0), "iterations: expected"),
+    ]:
+        with pytest.raises(gyroceptron.Error, match=message):
+            gyroceptron.train(*pairs, **option)
+
+
 def test_units_are_a_note(pairs):
     options = {"iterations": 1, "psi": (1, 2), "near_identity": (1, 2)}
     large = [128 * half for half in pairs]

@@ -79,6 +79,72 @@ def test_verify(request, which):
     assert all(row["samples"] == 5 for row in model.verify(samples=5).rows if row["law"] == "evaluation")
 
 
+@pytest.fixture(scope="module")
+def of_a_plane():
+    """A model and a polynomial of a turn by an angle that falls with the radius."""
+    before = np.random.default_rng(1).uniform(-0.9, 0.9, (300, 2))
+    angle = 2.3 - 0.4 * (before**2).sum(axis=1, keepdims=True)
+    after = before * np.cos(angle) + before[:, ::-1] * [1, -1] * np.sin(angle)
+    model = gyroceptron.train(before, after, [1], kicks=(2, 2), twists=(1, 3), iterations=40, starts=1)
+    return {"model": model, "polynomial": gyroceptron.SymplecticPolynomial(before, after, 6)}
+
+
+INNER = np.random.default_rng(2).uniform(-0.5, 0.5, (2000, 2))
+BOX = ([-9.0, -9.0], [9.0, 9.0])
+OF_MAPS = {
+    "survival": lambda m: m.survival(INNER, HUGE, *BOX),
+    "lyapunov_exponent": lambda m: m.lyapunov_exponent([0.4, 0.1], HUGE),
+    "alignment_index": lambda m: m.alignment_index([0.4, 0.1], HUGE),
+    "periodic_orbits": lambda m: m.periodic_orbits(np.resize(INNER, (200_000, 2)), 97),
+    "symmetric_orbits": lambda m: m.symmetric_orbits("positions", -0.5, 0.5, 97, samples=10**6),
+}
+
+
+@pytest.mark.parametrize("of", ["model", "polynomial"])
+@pytest.mark.parametrize("what", OF_MAPS)
+def test_orbits(of_a_plane, of, what):
+    assert interrupted_after(0.2, lambda: OF_MAPS[what](of_a_plane[of])) < 1.0
+
+
+def test_the_aperture(of_a_plane):
+    model = of_a_plane["model"]
+    directions, radii = [[1.0, 0.0], [0.0, 1.0]], list(np.linspace(0.01, 0.5, 50))
+    call = lambda: model.dynamic_aperture([0.0, 0.0], directions, radii, HUGE, *BOX)  # noqa: E731
+    assert interrupted_after(0.2, call) < 1.0
+
+
+def test_the_certificate_of_a_polynomial(of_a_plane):
+    assert interrupted_after(0.2, lambda: of_a_plane["polynomial"].verify(samples=200_000)) < 1.0
+
+
+def test_proofs(of_a_plane, tmp_path):
+    model, file = of_a_plane["model"], tmp_path / "proof.json"
+    assert interrupted_after(0.3, lambda: gyroceptron.prove(model, circles=1000, end=(0.8, 0.0), output=file)) < 1.0
+    # What comes after is whole.
+    assert gyroceptron.prove(model, circles=1, end=(0.8, 0.0), output=file, overwrite=True)["holds"]
+    assert gyroceptron.check_proof(model, file)["circles"] == 1
+
+
+def test_frequencies():
+    phase = 0.3 * np.arange(10**6)
+    signal = np.stack([np.cos(phase) + 0.1 * np.cos(2.3 * phase), np.sin(phase)], axis=1)
+    assert interrupted_after(0.3, lambda: gyroceptron.spectral_lines(signal)) < 1.0
+    assert interrupted_after(0.3, lambda: gyroceptron.InvariantCircle(signal[:300_000], 0.3 / (2 * np.pi))) < 1.5
+    orbits = np.repeat(signal[:4096, None], 5000, axis=1)
+    assert interrupted_after(0.3, lambda: gyroceptron.tunes(orbits)) < 1.0
+    # In parts the tunes are those of each orbit alone.
+    few = np.stack([signal[:512], 0.5 * signal[512:1024]], axis=1)
+    alone = [gyroceptron.tunes(few[:, k]) for k in range(2)]
+    for k, found in enumerate(gyroceptron.tunes(few)):
+        assert np.array_equal(found, np.stack([one[k] for one in alone]))
+
+
+def test_lines_of_force():
+    lines = gyroceptron.FieldLines()
+    assert interrupted_after(0.2, lambda: lines.trace(lines.starts(64), 10**6)) < 1.0
+    assert interrupted_after(0.2, lambda: lines.lyapunov_exponent(lines.starts(1)[0], HUGE)) < 1.0
+
+
 def test_train(pairs):
     assert interrupted_after(0.5, lambda: gyroceptron.train(*pairs, [1, 0], recipe="paper", iterations=10**6)) < 1.0
 

@@ -1,5 +1,8 @@
 """Field lines of coils, and what is asked of maps of a plane."""
 
+import copy
+import pickle
+
 import numpy as np
 import pytest
 
@@ -263,6 +266,12 @@ def test_a_symplectic_polynomial_is_fitted_in_the_chart_of_a_section(lines, tmp_
     assert lines.island(lines.axis, around=[lines.axis[0], 0.01]) is None
     path = tmp_path / "map.json"
     even.save(path)
+    copies = [copy.copy(own), copy.deepcopy([own])[0]]
+    copies += [pickle.loads(pickle.dumps(own, protocol)) for protocol in range(6)]
+    for one in copies:
+        assert np.array_equal(one.predict(before), own.predict(before)) and one.degree == own.degree
+    with pytest.raises(gyroceptron.Error, match="pickled polynomial"):
+        pickle.loads(pickle.dumps(own).replace(b'"digest": "', b'"digest": "0'))
     back = gyroceptron.SymplecticPolynomial.load(path)
     assert (back.predict(start, 40) == even.predict(start, 40)).all()
     assert back.region == even.region and (back.parameters == even.parameters).all()

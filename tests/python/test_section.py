@@ -47,7 +47,8 @@ def test_another_density_is_told(tmp_path):
     before, after = pairs()
     small = dict(kicks=(2, 1, 4), twists=(1, 1, 3), starts=1, iterations=1)
     for given in (dict(section=path), dict()):
-        with_notes = gyroceptron.train(before, after, [1], **given, **small)
+        with pytest.warns(UserWarning, match="do not keep"):
+            with_notes = gyroceptron.train(before, after, [1], **given, **small)
         assert any("do not keep" in note for note in with_notes.notes)
 
 

@@ -11,6 +11,7 @@ use super::theorem::{Candidate, Constants};
 use super::winding::goes_around;
 use crate::error::Error;
 use crate::measure::periodic::periodic_orbit;
+use crate::measure::stopping::until_stopped;
 
 /// From which κ|E| on no other strip is tried.
 const HOPELESS: f64 = 1e5;
@@ -47,7 +48,7 @@ pub fn prove_circle(map: &PlaneMap, ray: Ray, omega: &NobleNumber) -> Result<Ver
         Err(reason) => return Ok(Verdict::NotFound(reason.to_string())),
     };
     let mut nearest: Option<Failure> = None;
-    for candidate in found {
+    for candidate in until_stopped(found) {
         match candidate.prove(map)? {
             Ok(constants) => {
                 return Ok(Verdict::Proved(Box::new(Circle { candidate, constants })));
@@ -159,7 +160,7 @@ impl FixedPoint {
 pub fn noble_numbers(map: &PlaneMap, ray: Ray, count: usize) -> Vec<NobleNumber> {
     const PLACES: usize = 48;
     let mut turns: Vec<f64> = Vec::new();
-    for k in 0..PLACES {
+    for k in until_stopped(0..PLACES) {
         let part = (k as f64 + 0.5) / PLACES as f64;
         let place = [0, 1].map(|axis| ray.from[axis] + part * (ray.to[axis] - ray.from[axis]));
         let own = turns_of_orbit(map, ray.from, place);

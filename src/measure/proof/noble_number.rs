@@ -199,7 +199,7 @@ impl Divisors {
         Self { squares: (1..=DIVISORS).map(square).collect(), gamma }
     }
 
-    /// γ.
+    /// The constant γ of the Diophantine condition.
     pub fn gamma(&self) -> f64 {
         self.gamma
     }

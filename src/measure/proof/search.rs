@@ -9,6 +9,7 @@ use super::rounded::Complex;
 use super::theorem::{Candidate, MOST_POINTS, error_of};
 use crate::error::Error;
 use crate::measure::rotation::{birkhoff_average, birkhoff_weights};
+use crate::measure::stopping::is_stopped;
 use std::f64::consts::TAU;
 
 /// A ray on which circles of a map are searched: those that cross it.
@@ -75,6 +76,9 @@ fn place_on_ray_of(map: &Prepared<'_>, ray: Ray, omega: f64) -> Option<[f64; 2]>
     const PLACES: usize = 24;
     const HALVINGS: usize = 44;
     let off = |part: f64| {
+        if is_stopped() {
+            return f64::NAN;
+        }
         let turns = turns_of(map, ray.from, ray.at(part)) - omega;
         turns - if map.cylinder() { 0.0 } else { libm::round(turns) }
     };
@@ -254,6 +258,9 @@ fn refine(map: &Prepared<'_>, mut curve: Curve<f64>, omega: Ball) -> Option<Foun
     let own = |x: f64| x;
     let mut points = FIRST_POINTS;
     loop {
+        if is_stopped() {
+            return None;
+        }
         let most = points / 4;
         curve.modes.resize(most + 1, [Wave::zero(); 2]);
         let roots: Vec<_> = roots_of_unity(points).into_iter().map(narrow).collect();
@@ -263,7 +270,7 @@ fn refine(map: &Prepared<'_>, mut curve: Curve<f64>, omega: Ball) -> Option<Foun
         for _ in 0..ROUNDS {
             let error = narrow_error(map, &curve, &phases, omega.centre(), &roots);
             let found = largest(&error.modes[..most + 1], own);
-            if !(found < 0.5 * before) {
+            if is_stopped() || !(found < 0.5 * before) {
                 break;
             }
             before = found;
@@ -293,6 +300,9 @@ fn refine(map: &Prepared<'_>, mut curve: Curve<f64>, omega: Ball) -> Option<Foun
         mode.im = Ball::of(0.0);
     }
     loop {
+        if is_stopped() {
+            return None;
+        }
         let error = refine_in_balls(map, &mut curve, omega, points);
         let size = largest(&curve.modes[1..], Ball::centre);
         // Coefficients that are rounding alone would grow on strips.
@@ -324,7 +334,7 @@ fn refine_in_balls(map: &Prepared<'_>, curve: &mut Curve<Ball>, omega: Ball, poi
     for _ in 0..ROUNDS {
         let error = error_of(map, curve, &phases, omega, points, &roots);
         let found = largest(&error.modes[..most + 1], Ball::centre);
-        if !(found < 0.1 * before) {
+        if is_stopped() || !(found < 0.1 * before) {
             break;
         }
         before = found;
@@ -457,7 +467,7 @@ fn widest_strip(map: &Prepared<'_>, curve: &Curve<Ball>) -> f64 {
     let real = size(0.0);
     let (mut rho, mut best) = (1e-3, 1e-3);
     for _ in 0..60 {
-        if !(size(rho) < 3.0 * real) {
+        if is_stopped() || !(size(rho) < 3.0 * real) {
             break;
         }
         best = rho;

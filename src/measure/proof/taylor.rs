@@ -73,7 +73,7 @@ impl Taylor {
         down(self.c[0].below() - self.spread())
     }
 
-    /// iz.
+    /// The number multiplied by i.
     pub fn times_i(self) -> Self {
         Self { c: self.c.map(|c| Complex::new(-c.im, c.re)), ..self }
     }

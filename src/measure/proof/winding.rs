@@ -6,6 +6,7 @@ use super::failure::Failure;
 use super::number::Number;
 use super::rounded::{Complex, up};
 use super::taylor::Taylor;
+use crate::measure::stopping::is_stopped;
 use std::cell::OnceCell;
 
 /// The largest lengths of a strip's parts, and the least, over 1.
@@ -23,6 +24,9 @@ pub(super) fn along(line: &OnLine, mut take: impl FnMut(&Part, bool) -> bool) ->
     ) -> bool {
         let Some((length, shorter)) = lengths.split_first() else { return false };
         let length = length.get_or_init(|| PartLength::new(half, line.modes()));
+        if is_stopped() {
+            return false;
+        }
         if take(&line.part(centre, length), shorter.is_empty()) {
             return true;
         }

@@ -347,6 +347,12 @@ impl NoiseOptions {
             self.steps,
             self.initial.len()
         );
+        if self.gap.is_some() {
+            words.push_str(
+                " Pairs that are held out have no gap: errors of what was trained with one, and the verdict on it, are \
+                 those of points in the gap too, which a user with such pairs does not have.",
+            );
+        }
         if of_several {
             words.push_str(" Numbers are medians over the initial weights of a network.");
         }
