@@ -26,7 +26,8 @@ use std::f64::consts::TAU;
 /// resolve. Classical Runge–Kutta steps advance W; the rotation by ω₀t is then applied at once. Over
 /// times of 1/ε the errors are O(ε) and O(ε²). Each dW/dt takes (angles × order) evaluations of the
 /// vector field; in [closed form](NearlyPeriodic::averaged_field), which is of first order, it takes one
-/// evaluation of the average, or, where its Hamiltonian is a sum of two with exact flows, steps of a splitting. Entering and leaving the averaged coordinates take angles × (order + 1) together.
+/// evaluation of the average, or, where its Hamiltonian is a sum of two with exact flows, steps of a splitting.
+/// Entering and leaving the averaged coordinates take angles × (order + 1) together.
 ///
 /// Source: Sanders, Verhulst and Murdock, <https://doi.org/10.1007/978-0-387-48918-6>, sections 2.8 and 2.9.
 #[derive(Clone, Debug)]
@@ -176,8 +177,8 @@ impl Averaged {
         self.closed
     }
 
-    /// z ← its image under the flow, in `count` steps of the averaged equation; z is one point of 2n numbers, or several.
-    /// `constants` gives [`NearlyPeriodic::average_constants`] of an averaged point; only the closed form calls it.
+    /// z ← its image under the flow, in `count` steps of the averaged equation; z is one point of 2n numbers, or
+    /// several. `constants` gives [`NearlyPeriodic::average_constants`] of an averaged point; only the closed form calls it.
     ///
     /// # Panics
     /// When `count` is 0, or another number than that of a [splitting](Averaged::split_by); when z is not of whole

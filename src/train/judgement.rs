@@ -246,8 +246,8 @@ impl Judgement {
             Some(held) if held < Self::FEWEST => {
                 let pairs = if held == 1 { "pair was" } else { "pairs were" };
                 first = Some(format!(
-                    "only {held} {pairs} held out: a verdict takes {}, of which the worst bounds nine tenths of all errors \
-                     (at 95 %)",
+                    "only {held} {pairs} held out: a verdict takes {}, of which the worst bounds nine tenths \
+                     of all errors (at 95 %)",
                     Self::FEWEST
                 ));
             }
