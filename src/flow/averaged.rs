@@ -178,7 +178,8 @@ impl Averaged {
     }
 
     /// z ← its image under the flow, in `count` steps of the averaged equation; z is one point of 2n numbers, or
-    /// several. `constants` gives [`NearlyPeriodic::average_constants`] of an averaged point; only the closed form calls it.
+    /// several. `constants` gives [`NearlyPeriodic::average_constants`] of an averaged point; only the closed form
+    /// calls it.
     ///
     /// # Panics
     /// When `count` is 0, or another number than that of a [splitting](Averaged::split_by); when z is not of whole

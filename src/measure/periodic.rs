@@ -81,8 +81,7 @@ fn round(map: WithJacobian<'_>, z: &[f64], period: usize) -> Result<PeriodicOrbi
 ///
 /// The period found may be a divisor of the one asked for: an orbit that closes sooner is returned once around.
 ///
-/// Source: Greene, <https://doi.org/10.1063/1.524170>, for orbits and their residues; Davidchack and Lai,
-/// <https://doi.org/10.1103/PhysRevE.60.6172>, for Newton's method with shortened steps.
+/// Source: Greene, <https://doi.org/10.1063/1.524170>, for orbits and their residues.
 ///
 /// # Errors
 /// Those of the map; [`Error::NoConvergence`] where none is found, and [`Error::CountOutOfRange`] of a period of 0.

@@ -28,7 +28,7 @@ fn names_that_say_another_format_are_refused() {
     refuses(path, &[&input[..], &["--output", "t.npy"]].concat(), &["pairs.csv"]);
 }
 
-/// The number and the name of the block are told, and nothing is written.
+/// The message has the number and the name of the block, and nothing is written.
 #[test]
 fn lists_of_blocks_that_cannot_be_are_refused() {
     let folder = with_model();
