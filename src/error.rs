@@ -249,7 +249,7 @@ impl Error {
         Err(Self::WrongCount { name: name.to_owned(), expected, found })
     }
 
-    /// Makes an [`Error::Invalid`].
+    /// Makes an [`Error::Invalid`]: the value of the argument `name` is not what is expected.
     pub fn invalid(name: &str, value: impl Display, expected: impl Display) -> Self {
         Self::Invalid {
             name: name.to_owned(),
@@ -258,7 +258,7 @@ impl Error {
         }
     }
 
-    /// Makes an [`Error::Content`].
+    /// Makes an [`Error::Content`]: what was found at a place in a file or text is not what is expected there.
     pub fn content(place: impl Display, expected: impl Display, found: impl Display) -> Self {
         Self::Content {
             place: place.to_string(),
@@ -272,12 +272,12 @@ impl Error {
         Self::At { place: place.to_string(), reason: Box::new(self) }
     }
 
-    /// Makes an [`Error::Read`].
+    /// Makes an [`Error::Read`] of a file, with the reason why it cannot be read.
     pub fn read(path: &Path, reason: impl Display) -> Self {
         Self::Read { path: path.to_owned(), reason: reason.to_string() }
     }
 
-    /// Makes an [`Error::Write`].
+    /// Makes an [`Error::Write`] of a file, with the reason why it cannot be written.
     pub fn write(path: &Path, reason: impl Display) -> Self {
         Self::Write { path: path.to_owned(), reason: reason.to_string() }
     }

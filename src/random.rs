@@ -30,7 +30,7 @@ impl Stream {
         (self.generator.next_u64() >> 11) as f64 * (f64::EPSILON / 2.0)
     }
 
-    /// Uniform in [low, high).
+    /// The next number, uniform in [low, high).
     pub fn uniform(&mut self, low: f64, high: f64) -> f64 {
         (high - low).mul_add(self.unit(), low)
     }

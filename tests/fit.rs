@@ -3,11 +3,13 @@
 use gyroceptron::flow::sample;
 use gyroceptron::io::Checkpoints;
 use gyroceptron::layer::TorusAction;
+use gyroceptron::network::LayerSizes;
 use gyroceptron::prelude::*;
 use gyroceptron::random::Stream;
 use gyroceptron::train::{
-    ActionFit, Checkpoint, Control, FamilyPairs, FitNote, Judgement, Limit, Loss, Optimiser,
-    Outcome, Progress, RampStage, Reading, Starts, Stop, TrainingObserver, TrainingStage,
+    ActionFit, Checkpoint, Control, FamilyPairs, FitNote, FitOptions, Judgement, Limit, Loss,
+    Optimiser, Outcome, Plateau, Progress, RampStage, Reading, Recipe, Starts, Stop,
+    TrainingObserver, TrainingStage,
 };
 
 const EPSILON: f64 = 0.02;
@@ -41,12 +43,11 @@ struct Until {
 impl TrainingObserver for Until {
     fn earlier(&mut self, stage: TrainingStage) -> Result<Option<Checkpoint>, Error> {
         self.stages.push(stage);
-        self.checkpoints.as_ref().map_or(Ok(None), |checkpoints| checkpoints.earlier(stage))
+        self.checkpoints.as_mut().map_or(Ok(None), |checkpoints| checkpoints.earlier(stage))
     }
     fn observe(&mut self, stage: TrainingStage, progress: Progress<'_>) -> Result<Control, Error> {
-        if let (Some(checkpoints), Some(checkpoint)) = (&mut self.checkpoints, progress.checkpoint)
-        {
-            checkpoints.save(stage, checkpoint)?;
+        if let Some(checkpoints) = &mut self.checkpoints {
+            checkpoints.observe(stage, progress)?;
         }
         let stops = stage == TrainingStage::Last && progress.record.iteration >= self.iteration;
         Ok(if stops { Control::Interrupt } else { Control::Continue })
@@ -138,6 +139,91 @@ fn a_fit_that_was_stopped_goes_on_to_the_same_bits() {
     checkpoints.remove().expect("removed");
     assert!(!checkpoints.exist(&fit.training));
     assert!(checkpoints.check(&fit.training).is_err());
+}
+
+/// Files of checkpoints observe a fit by themselves: one that has done its iterations goes on from them, and they are
+/// removed after one that has ended by itself.
+#[test]
+fn checkpoints_observe_a_fit() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let run = |iterations| {
+        let fit = fit().with_iterations(iterations);
+        let mut checkpoints = Checkpoints::new(folder.path().join("c"), true);
+        let fitted = fit.run_observed(pairs(150, 0.9, 1), &mut checkpoints).expect("trains");
+        checkpoints.remove_after(fitted.outcome().stop).expect("removed");
+        (fitted, checkpoints.exist(&fit.training))
+    };
+    let (fitted, kept) = run(8);
+    assert_eq!((fitted.outcome().stop, kept), (Stop::Iterations, true));
+    let (longer, _) = run(12);
+    let alone = fit().with_iterations(12).run(pairs(150, 0.9, 1)).expect("trains");
+    assert_eq!(longer.model().parameters(), alone.model().parameters());
+    let checkpoints = Checkpoints::new(folder.path().join("c"), true);
+    checkpoints.remove_after(Stop::Interrupted).expect("nothing to do");
+    assert!(checkpoints.exist(&fit().training));
+    checkpoints.remove_after(Stop::Target).expect("removed");
+    assert!(!checkpoints.exist(&fit().training));
+}
+
+/// Options come before those of a recipe, and leave the others.
+#[test]
+fn options_come_before_a_recipe() {
+    let none = FitOptions::default;
+    for (recipe, fit) in [(Recipe::Recommended, Fit::default()), (Recipe::Paper, Fit::paper())] {
+        assert_eq!(none().over(recipe).expect("as it is"), fit);
+    }
+    let lm = || Optimiser::named("lm").expect("Levenberg–Marquardt");
+    let lbfgs = || Optimiser::named("l-bfgs").expect("L-BFGS");
+    let over = |optimiser, recipe| FitOptions { optimiser: Some(optimiser), ..none() }.over(recipe);
+    let plateau = |optimiser, recipe| over(optimiser, recipe).expect("valid").training.plateau;
+    assert_eq!(plateau(lm(), Recipe::Paper), Some(Plateau::default()));
+    assert_eq!(plateau(lbfgs(), Recipe::Recommended), None);
+    let mut declared = Fit::paper();
+    declared.training.plateau = Plateau::over(7);
+    let declared = || Recipe::Declared(Box::new(declared.clone()));
+    assert_eq!(plateau(lm(), declared()), Plateau::over(7), "that of a scene stays");
+    let all = FitOptions {
+        sizes: vec![("kicks", LayerSizes::uniform(3, 2))],
+        iterations: Some(9),
+        starts: Some(1),
+        plateau: Some(0),
+        near_identity_penalty: Some(0.5),
+        loss: Some(Loss::MeanSquaredError),
+        theta_fixed: true,
+        theta_penalty: Some(0.25),
+        patience: Some(4),
+        target: Some(1e-9),
+        ..none()
+    };
+    let training = all.clone().over(Recipe::Recommended).expect("valid").training;
+    assert_eq!((training.iterations, training.patience, training.target), (9, 4, 1e-9));
+    assert_eq!((training.near_identity_penalty, training.theta_penalty), (0.5, 0.25));
+    assert!(training.theta_fixed && training.starts.is_none() && training.plateau.is_none());
+    assert_eq!(training.loss, Loss::MeanSquaredError);
+    let kicks = NetworkSpec::named("normal-form").expect("it has this name");
+    let kicks = kicks.with_size("kicks", LayerSizes::uniform(3, 2)).expect("a part");
+    assert_eq!(all.over(Recipe::Recommended).expect("valid").network, Some(kicks));
+    let refused: [(FitOptions, &str); 5] = [
+        (FitOptions { iterations: Some(0), ..none() }, "iterations"),
+        (FitOptions { starts: Some(0), ..none() }, "starts"),
+        (FitOptions { radius: Some(0.0), ..none() }, "radius"),
+        (FitOptions { architecture: Some("perceptron".into()), ..none() }, "perceptron"),
+        (
+            FitOptions {
+                sizes: vec![
+                    ("psi", LayerSizes::uniform(1, 1)),
+                    ("layers", LayerSizes::uniform(1, 1)),
+                ],
+                ..none()
+            },
+            "psi, layers",
+        ),
+    ];
+    for (options, name) in refused {
+        let error = options.over(Recipe::Recommended).expect_err(name).to_string();
+        assert!(error.contains(name), "{error}");
+    }
+    assert!(Recipe::named("best").is_err() && Optimiser::named("best").is_err());
 }
 
 /// Pairs of several flow times are a family, and stages of a ramp take theirs from it.

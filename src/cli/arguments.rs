@@ -259,7 +259,7 @@ fn architectures() -> PossibleValuesParser {
 
 /// What `train` does where nothing else is said.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Recipe {
+pub enum RecipeName {
     /// What we recommend.
     Recommended,
     /// That of the paper.
@@ -304,7 +304,7 @@ pub struct Train {
     /// Levenberg–Marquardt from three initial weights until it is at rest, or that of the paper, its
     /// gyroceptron by L-BFGS [default: recommended].
     #[arg(long, value_enum, conflicts_with = "scene")]
-    pub recipe: Option<Recipe>,
+    pub recipe: Option<RecipeName>,
     /// Network and training options are taken from this scene; the options below come
     /// before it.
     #[arg(long, value_name = "FILE.toml")]
@@ -456,6 +456,11 @@ impl Train {
         ];
         given.into_iter().filter_map(|(key, text)| Some((key, text.as_deref()?)))
     }
+}
+
+/// The word for a value of an option.
+pub fn word_of(value: impl ValueEnum) -> String {
+    value.to_possible_value().map_or_else(String::new, |word| word.get_name().to_owned())
 }
 
 /// The option of a key: `--near-identity` of `near_identity`.

@@ -1,9 +1,7 @@
 //! Training on pairs of a file: what is asked for, as a `Fit`, and what becomes of it.
 
 use super::Status;
-use super::arguments::{
-    OptimiserName, Recipe, Train, UnitsOf, circle_action, option_of, positive, ramp,
-};
+use super::arguments::{Train, UnitsOf, circle_action, option_of, positive, ramp, word_of};
 use super::guards::{check_ending, guard_output, use_threads};
 use super::output::{json, out, typed_words, width};
 use super::progress::{Progress, line};
@@ -17,60 +15,26 @@ use gyroceptron::scene::{
     Folder, NextStep, Note, Observer, OwnTraining, Scene, TrainingTimes, next_command,
 };
 use gyroceptron::train::{
-    ActionTrial, AdamOptions, Checkpoint, Control, ControlOptions, Fit, FitNote, LbfgsOptions,
-    LevenbergMarquardtOptions, Loss, Optimiser, Plateau, Problem, Progress as TrainingProgress,
-    Starts, Stop, TrainingObserver, TrainingOptions, TrainingStage,
+    ActionTrial, Checkpoint, Control, ControlOptions, Fit, FitNote, FitOptions, Loss, Optimiser,
+    Problem, Progress as TrainingProgress, Recipe, Stop, TrainingObserver, TrainingOptions,
+    TrainingStage,
 };
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// The name of the fit, and its network and training, as the scene or the recipe has them.
-fn of_scene(arguments: &Train) -> Result<(String, Fit), Error> {
+/// The name of the fit, and its recipe or that of the scene.
+fn recipe(arguments: &Train) -> Result<(String, Recipe), Error> {
     let Some(name) = &arguments.scene else {
-        let fit = match arguments.recipe.unwrap_or(Recipe::Recommended) {
-            Recipe::Recommended => Fit::default(),
-            Recipe::Paper => Fit::paper(),
-        };
-        return Ok(("train".into(), fit));
+        let recipe = arguments.recipe.map(|name| Recipe::named(&word_of(name))).transpose()?;
+        return Ok(("train".into(), recipe.unwrap_or_default()));
     };
     let scene = Scene::read(name)?;
     let fit = scene.fit().map_err(|e| e.with_place(name))?;
-    Ok((scene.name, fit))
-}
-
-/// The network that the options ask for, or that of the scene or of the recipe.
-fn network(arguments: &Train, before: Option<NetworkSpec>) -> Result<Option<NetworkSpec>, Error> {
-    let mut sizes = Vec::new();
-    for (key, text) in arguments.sizes() {
-        let option = option_of(key);
-        sizes.push((key, LayerSizes::parse(&option, text)?));
-    }
-    let reversor = arguments.reversor.as_deref().map(Reversor::find).transpose();
-    let reversor = reversor.map_err(|e| e.with_place(option_of("reversor")))?;
-    let has_parts = arguments.radius.is_some() || reversor.is_some();
-    let network = match (&arguments.architecture, before) {
-        (Some(name), _) => NetworkSpec::named(name)?,
-        (None, Some(network)) => network,
-        (None, None) if sizes.is_empty() && !has_parts => return Ok(None),
-        (None, None) if sizes.is_empty() => NetworkSpec::named("normal-form")?,
-        (None, None) => {
-            let keys: Vec<&str> = sizes.iter().map(|(key, _)| *key).collect();
-            NetworkSpec::with_parts(&keys).map_err(|e| e.with_place(option_of(keys[0])))?
-        }
-    };
-    if network.is_of_file() {
+    if fit.network.as_ref().is_some_and(NetworkSpec::is_of_file) {
         return Err(Error::invalid("--scene", "a network of a file", "one to train"));
     }
-    let with = |network: NetworkSpec, (key, size)| network.with_size(key, size);
-    let network = sizes.into_iter().try_fold(network, with)?;
-    let network = match reversor {
-        Some(reversor) => network.reversible(reversor)?,
-        None => network,
-    };
-    let boxed =
-        |radius| network.clone().with_radius(radius).map_err(|e| e.with_place(option_of("radius")));
-    arguments.radius.map_or(Ok(network.clone()), boxed).map(Some)
+    Ok((scene.name, Recipe::Declared(Box::new(fit))))
 }
 
 /// What weights of the loss ask for.
@@ -89,48 +53,41 @@ fn loss_of(text: &str) -> Result<Loss, Error> {
     }
 }
 
-/// The training options of the command line over those of the scene.
-fn options(arguments: &Train, mut training: TrainingOptions) -> Result<TrainingOptions, Error> {
-    if let Some(iterations) = arguments.iterations {
-        training.iterations = positive("--iterations", iterations)? as u64;
+/// What the options ask for.
+fn options(arguments: &Train) -> Result<FitOptions, Error> {
+    let size = |(key, text)| Ok((key, LayerSizes::parse(&option_of(key), text)?));
+    let reversor = arguments.reversor.as_deref().map(Reversor::find).transpose();
+    let count = |name: &str, count: Option<i64>| {
+        count.map(|count| Ok(positive(name, count)? as u64)).transpose()
+    };
+    Ok(FitOptions {
+        architecture: arguments.architecture.clone(),
+        blocks: Vec::new(),
+        sizes: arguments.sizes().map(size).collect::<Result<_, Error>>()?,
+        radius: arguments.radius,
+        reversor: reversor.map_err(|e| e.with_place(option_of("reversor")))?,
+        optimiser: { arguments.optimiser }
+            .map(|name| Optimiser::named(&word_of(name)))
+            .transpose()?,
+        iterations: count("--iterations", arguments.iterations)?,
+        starts: count("--starts", arguments.starts)?,
+        plateau: arguments.plateau,
+        ramp: arguments.ramp.as_deref().map(|text| ramp("--ramp", text)).transpose()?,
+        loss: arguments.loss_weights.as_deref().map(loss_of).transpose()?,
+        near_identity_penalty: arguments.near_identity_penalty,
+        theta_fixed: arguments.theta_fixed,
+        theta_penalty: arguments.theta_penalty,
+        patience: arguments.patience,
+        target: arguments.target,
+    })
+}
+
+/// An error of an option, with the option in place of its key.
+fn of_option(error: Error) -> Error {
+    match error {
+        Error::At { place, reason } => reason.with_place(option_of(&place)),
+        error => error,
     }
-    if let Some(name) = arguments.optimiser {
-        training.optimiser = match name {
-            OptimiserName::Lm => {
-                Optimiser::LevenbergMarquardt(LevenbergMarquardtOptions::default())
-            }
-            OptimiserName::Lbfgs => Optimiser::Lbfgs(LbfgsOptions::default()),
-            OptimiserName::Adam => Optimiser::Adam(AdamOptions::default()),
-        };
-        let at_rest = || (name == OptimiserName::Lm).then(Plateau::default);
-        // That of a scene stays; that of the recipe is one of its optimiser.
-        training.plateau = match arguments.scene {
-            Some(_) => training.plateau.or_else(at_rest),
-            None => at_rest(),
-        };
-    }
-    if let Some(iterations) = arguments.plateau {
-        training.plateau = Plateau::over(iterations);
-    }
-    if let Some(penalty) = arguments.near_identity_penalty {
-        training.near_identity_penalty = penalty;
-    }
-    if let Some(count) = arguments.starts {
-        let count = positive("--starts", count)? as u64;
-        // Whatever the iterations are: more of them may be asked for later.
-        training.starts = (count > 1).then_some(Starts { count, iterations: Starts::TRIAL });
-    }
-    if let Some(text) = &arguments.loss_weights {
-        training.loss = loss_of(text)?;
-    }
-    if let Some(text) = &arguments.ramp {
-        training.ramp = ramp("--ramp", text)?;
-    }
-    training.theta_fixed |= arguments.theta_fixed;
-    training.theta_penalty = arguments.theta_penalty.unwrap_or(training.theta_penalty);
-    training.patience = arguments.patience.unwrap_or(training.patience);
-    training.target = arguments.target.unwrap_or(training.target);
-    Ok(training)
 }
 
 /// The circle action that is found.
@@ -138,20 +95,17 @@ const AUTO: &str = "auto";
 
 /// What the command asks for, and its name.
 fn fit_of(arguments: &Train) -> Result<(String, Fit), Error> {
-    let (name, base) = of_scene(arguments)?;
+    let (name, recipe) = recipe(arguments)?;
     let action = match arguments.circle_action.as_deref() {
         None | Some(AUTO) => None,
         Some(text) => Some(circle_action(text)?),
     };
-    let network = network(arguments, base.network.clone())?;
     let fit = Fit {
         place: arguments.data.display().to_string(),
         action,
-        network,
         epsilon: arguments.epsilon,
         flow_time: arguments.flow_time,
         theta: arguments.theta,
-        training: options(arguments, base.training.clone())?,
         controls: ControlOptions {
             names: arguments.controls.clone(),
             degree: { arguments.control_degree }
@@ -162,7 +116,7 @@ fn fit_of(arguments: &Train) -> Result<(String, Fit), Error> {
         units: arguments.units == UnitsOf::Fitted,
         validation: arguments.validation,
         seed: arguments.seed,
-        ..base
+        ..options(arguments)?.over(recipe).map_err(of_option)?
     };
     fit.check()?;
     Ok((name, fit))
@@ -242,9 +196,7 @@ impl TrainingObserver for Training<'_> {
             let seconds = self.start.elapsed().as_secs_f64();
             self.times.points.push((progress.record.iteration, seconds));
         }
-        if let Some(checkpoint) = progress.checkpoint {
-            self.checkpoints.save(stage, checkpoint)?;
-        }
+        self.checkpoints.observe(stage, progress)?;
         self.progress.iteration(&name, progress.record, iterations);
         Ok(if self.progress.interrupted() { Control::Interrupt } else { Control::Continue })
     }
@@ -406,10 +358,7 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     };
     let report = OwnTraining { name, fitted, times, command, next }
         .report(&Folder::open_report(&report_folder, true)?)?;
-    // Where the iterations were done, more of them may be asked for.
-    if stop != Stop::Iterations {
-        checkpoints.remove()?;
-    }
+    checkpoints.remove_after(stop)?;
     if arguments.common.json {
         json(&json!({
             "model": arguments.output.display().to_string(),

@@ -19,7 +19,7 @@ pub struct Window {
     pub low: Vec<f64>,
     /// The upper corner, 2n numbers.
     pub high: Vec<f64>,
-    /// The number of points.
+    /// The number of points that are drawn from the window.
     pub samples: usize,
 }
 
@@ -416,17 +416,17 @@ impl Pairs {
         self.input.is_empty()
     }
 
-    /// z, row by row.
+    /// The inputs z of the map, row by row: (N, 2n).
     pub fn input(&self) -> &[f64] {
         &self.input
     }
 
-    /// P(z), row by row.
+    /// The outputs P(z) of the map, row by row: (N, 2n).
     pub fn output(&self) -> &[f64] {
         &self.output
     }
 
-    /// Inputs and outputs.
+    /// The inputs and the outputs, (N, 2n) each.
     pub fn points(&self) -> [&[f64]; 2] {
         [&self.input, &self.output]
     }

@@ -21,7 +21,7 @@ pub struct LineMap<'a> {
     phi: f64,
     /// How far lines are followed.
     angle: f64,
-    /// Steps in a map.
+    /// The number of integration steps in one map.
     steps: usize,
 }
 
@@ -81,7 +81,7 @@ impl<'a> LineMap<'a> {
         Err(Error::NoConvergence { what: "field lines".into(), iterations: steps, change })
     }
 
-    /// Steps in a map.
+    /// The number of integration steps in one map.
     pub fn steps(&self) -> usize {
         self.steps
     }

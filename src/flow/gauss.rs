@@ -13,7 +13,7 @@ pub struct GaussLegendre {
     pub(super) nodes: Vec<f64>,
     /// b_i, one for each stage.
     pub weights: Vec<f64>,
-    /// a_ij, row by row.
+    /// The coefficients a_ij, row by row: (stages, stages).
     pub matrix: Vec<f64>,
 }
 

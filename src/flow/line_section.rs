@@ -179,17 +179,17 @@ impl LineSection {
         Ok(out)
     }
 
-    /// The field.
+    /// The magnetic field of the coils.
     pub fn field(&self) -> &CoilField {
         &self.field
     }
 
-    /// The request.
+    /// The request that the section was made for.
     pub fn request(&self) -> &LineRequest {
         &self.request
     }
 
-    /// Points along each coil.
+    /// The number of points along each coil that the field is summed over.
     pub fn points(&self) -> usize {
         self.points
     }
@@ -212,7 +212,7 @@ impl LineSection {
         self.error
     }
 
-    /// The map.
+    /// The map of field lines from the section to its next image.
     pub fn map(&self) -> LineMap<'_> {
         let LineRequest { phi, angle, .. } = self.request;
         LineMap::new(&self.field, phi, angle, self.steps).expect("the request was checked")

@@ -233,7 +233,7 @@ pub struct MultiRevolutionSettings {
     pub micro: usize,
     /// 2 or 4, in the size of the steps.
     pub order: usize,
-    /// The splitting.
+    /// The splitting that takes the steps within a revolution.
     #[serde(default, skip_serializing_if = "MicroSteps::is_usual")]
     pub by: MicroSteps,
 }

@@ -126,7 +126,7 @@ impl PolynomialMap {
         lane_map::error_on(self, pairs)
     }
 
-    /// Its total degree.
+    /// The total degree of the polynomials.
     pub fn degree(&self) -> usize {
         self.basis.degree
     }

@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 pub struct Splitting {
     /// The name used in tables.
     pub name: &'static str,
-    /// The order in h.
+    /// The order in the step h: the error over a fixed time is O(h^order).
     pub order: usize,
     /// The number of flows of B in a step.
     pub stages: usize,
@@ -89,7 +89,7 @@ impl Splitting {
         ],
     };
 
-    /// All of them.
+    /// All splittings of this crate.
     pub const ALL: [Self; 4] = [Self::STRANG, Self::YOSHIDA_4, Self::ABA_864, Self::ABA_1064];
 
     /// a_i, i = 0 … stages.

@@ -6,7 +6,7 @@ use crate::scalar::{Kernel, Pack, max_or_nan, on_independent_lanes};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
-/// What a table stores.
+/// The function of the map that a table stores.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum TableKind {
@@ -313,7 +313,7 @@ impl StepTable {
         self.kind
     }
 
-    /// Its size in bytes.
+    /// The size of the table in bytes.
     pub fn bytes(&self) -> usize {
         size_of_val(&self.coefficients[..])
     }

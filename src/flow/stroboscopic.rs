@@ -179,7 +179,7 @@ pub struct StroboscopicSettings {
     /// The number m of central differences, with errors O(ε²ᵐ); 0 is the forward difference, with errors O(ε).
     #[serde(default = "two")]
     pub differences: usize,
-    /// The splitting.
+    /// The splitting that takes the steps within a revolution.
     #[serde(default, skip_serializing_if = "MicroSteps::is_usual")]
     pub by: MicroSteps,
 }

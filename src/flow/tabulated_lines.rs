@@ -82,7 +82,7 @@ impl TabulatedLines {
         self.planes.len()
     }
 
-    /// Steps in a map.
+    /// The number of integration steps in one map.
     pub fn steps(&self) -> usize {
         self.steps
     }
@@ -130,7 +130,7 @@ impl TabulatedLines {
         self.region.first_outside(point).is_none()
     }
 
-    /// As [`LineMap::with_jacobian`].
+    /// The image of a place in the section and the Jacobian there, as [`LineMap::with_jacobian`] gives them.
     pub fn with_jacobian(&self, place: [f64; 2]) -> ([f64; 2], [[f64; 2]; 2]) {
         self.image_and_jacobian(place)
     }

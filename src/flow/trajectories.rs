@@ -83,7 +83,7 @@ impl Trajectories {
         self
     }
 
-    /// All numbers.
+    /// All states, (T, M, 2n): one row of trajectories for each time.
     pub fn values(&self) -> &[f64] {
         &self.values
     }

@@ -2,13 +2,25 @@
 
 use super::{earlier_checkpoint, load_checkpoint, save_checkpoint};
 use crate::error::Error;
-use crate::train::{Checkpoint, TrainingOptions, TrainingStage};
+use crate::train::{
+    Checkpoint, Control, Progress, Stop, TrainingObserver, TrainingOptions, TrainingStage,
+};
 use std::path::{Path, PathBuf};
 
 /// The checkpoint files of a training, and whether the training goes on from them.
 ///
 /// Each stage before the last has a file of its own, whose name is that of the last stage's file
-/// with a suffix.
+/// with a suffix. As the observer of a training they keep it in these files:
+///
+/// ```no_run
+/// use gyroceptron::io::{Checkpoints, read_pairs};
+/// use gyroceptron::train::Fit;
+///
+/// let mut checkpoints = Checkpoints::new("model.checkpoint", true);
+/// let fitted = Fit::default().run_observed(read_pairs("pairs.npz".as_ref())?, &mut checkpoints)?;
+/// checkpoints.remove_after(fitted.outcome().stop)?;
+/// # Ok::<(), gyroceptron::Error>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Checkpoints {
     file: PathBuf,
@@ -44,25 +56,6 @@ impl Checkpoints {
         TrainingStage::all(options).into_iter().map(|stage| self.of(stage)).collect()
     }
 
-    /// The checkpoint from which a stage goes on, if there is one.
-    ///
-    /// # Errors
-    /// Those of [`earlier_checkpoint`].
-    pub fn earlier(&self, stage: TrainingStage) -> Result<Option<Checkpoint>, Error> {
-        earlier_checkpoint(&self.of(stage), self.resume)
-    }
-
-    /// Writes the checkpoint of a stage.
-    ///
-    /// # Errors
-    /// Those of [`save_checkpoint`].
-    pub fn save(&mut self, stage: TrainingStage, checkpoint: &Checkpoint) -> Result<(), Error> {
-        let file = self.of(stage);
-        save_checkpoint(&file, checkpoint)?;
-        self.newest = Some(file);
-        Ok(())
-    }
-
     /// Whether there is a checkpoint file of a training with these options.
     pub fn exist(&self, options: &TrainingOptions) -> bool {
         self.files(options).iter().any(|file| file.exists())
@@ -77,6 +70,18 @@ impl Checkpoints {
         match self.resume && !self.exist(options) {
             true => load_checkpoint(&self.file).map(|_| ()),
             false => Ok(()),
+        }
+    }
+
+    /// Removes the checkpoint files of a training that has ended by itself. One that was interrupted, or has done all
+    /// its iterations, of which more may be asked for, can go on from them.
+    ///
+    /// # Errors
+    /// Those of [`Checkpoints::remove`].
+    pub fn remove_after(&self, stop: Stop) -> Result<(), Error> {
+        match stop {
+            Stop::Iterations | Stop::Interrupted => Ok(()),
+            _ => self.remove(),
         }
     }
 
@@ -100,5 +105,20 @@ impl Checkpoints {
             files.take_while(|path| path.exists()).try_for_each(|path| remove(&path))?;
         }
         Ok(())
+    }
+}
+
+impl TrainingObserver for Checkpoints {
+    fn earlier(&mut self, stage: TrainingStage) -> Result<Option<Checkpoint>, Error> {
+        earlier_checkpoint(&self.of(stage), self.resume)
+    }
+
+    fn observe(&mut self, stage: TrainingStage, progress: Progress<'_>) -> Result<Control, Error> {
+        if let Some(checkpoint) = progress.checkpoint {
+            let file = self.of(stage);
+            save_checkpoint(&file, checkpoint)?;
+            self.newest = Some(file);
+        }
+        Ok(Control::Continue)
     }
 }

@@ -34,7 +34,7 @@ const CHECKPOINT_VERSION: u64 = 1;
 pub struct Provenance {
     /// The scene it was trained by, or `import`.
     pub scene: String,
-    /// The seed.
+    /// The seed of the weights and of the held-out choice.
     pub seed: Option<u64>,
     /// SHA-256 of the training pairs, or of the imported file.
     pub data: Option<String>,
@@ -75,14 +75,14 @@ pub struct RolledOut {
 /// A model with its units and provenance, as a file holds it.
 #[derive(Clone, Debug)]
 pub struct StoredModel {
-    /// The network.
+    /// The network, in its own units.
     pub model: Model,
     /// The units of the data, if they differ from those of the network.
     pub units: Option<Units>,
     /// The charts of the data, if its columns are x₁ … xₙ, y₁ … yₙ, which are not canonical. The units are then those
     /// of the canonical coordinates.
     pub section: Option<Section>,
-    /// Where it comes from.
+    /// What the network was trained on, and by which version.
     pub provenance: Provenance,
 }
 
@@ -259,7 +259,7 @@ impl StoredModel {
         self.followed_at_pace(here, maps, &mut Pace::unbroken())
     }
 
-    /// [`StoredModel::followed`] at a pace.
+    /// The orbits of [`StoredModel::followed`], asking the pace from time to time whether to continue.
     #[doc(hidden)]
     pub fn followed_at_pace(
         &self,

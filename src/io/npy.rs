@@ -20,7 +20,7 @@ const CHUNK: usize = 1 << 14;
 pub struct Array {
     /// Its sizes, the slowest index first.
     pub shape: Vec<usize>,
-    /// Its numbers.
+    /// The numbers of the array, row by row.
     pub values: Vec<f64>,
     /// Whether the file held single precision.
     pub single: bool,

@@ -17,7 +17,7 @@ const VERSION: u64 = 1;
 /// A symplectic polynomial with its provenance, as a file holds it.
 #[derive(Clone, Debug)]
 pub struct StoredPolynomial {
-    /// The map.
+    /// The polynomial, with the section and the box of its pairs.
     pub map: PolynomialOnSection,
     /// Where it comes from; the held-out error is in units of the data. The box of the pairs is kept by the map.
     pub provenance: Provenance,

@@ -24,9 +24,9 @@ const VERSION: u64 = 1;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Nested {
-    /// The inner one.
+    /// The number of the inner circle, from 0.
     pub inner: usize,
-    /// The outer one.
+    /// The number of the outer circle, from 0.
     pub outer: usize,
 }
 
@@ -318,7 +318,7 @@ impl Default for ProofRequest {
 pub struct Proofs {
     /// Each rotation number with its verdict.
     pub tried: Vec<(NobleNumber, Verdict)>,
-    /// What is proved.
+    /// What the file says is proved.
     pub file: ProofFile,
     /// The fixed point near 0, where it is proved.
     pub fixed_point: Option<FixedPoint>,

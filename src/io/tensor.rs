@@ -3,7 +3,7 @@
 /// A named array of numbers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tensor {
-    /// Its shape.
+    /// The lengths of the axes.
     pub shape: Vec<usize>,
     /// Its numbers, row by row.
     pub values: Vec<f64>,

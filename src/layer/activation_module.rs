@@ -18,10 +18,10 @@ pub enum Activation {
 }
 
 impl Activation {
-    /// All of them.
+    /// All activations of SympNets in this crate.
     pub const ALL: [Self; 3] = [Self::Sigmoid, Self::Tanh, Self::Sech2];
 
-    /// (σ(x), σ′(x)).
+    /// The activation and its derivative, (σ(x), σ′(x)).
     #[inline(always)]
     pub fn value_and_slope<S: Scalar>(self, x: S) -> (S, S) {
         let (half, one) = (S::from_f64(0.5), S::from_f64(1.0));
@@ -45,7 +45,7 @@ impl Activation {
 pub struct ActivationModule<'a, P> {
     /// The degrees of freedom n.
     pub dof: usize,
-    /// The activation σ.
+    /// The activation σ of the module.
     pub activation: Activation,
     /// a, or nothing for 1.
     pub factors: &'a [P],

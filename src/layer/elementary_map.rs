@@ -22,7 +22,7 @@ pub trait ElementaryMap<P: Scalar>: Copy {
     /// The degrees of freedom n.
     fn dof(&self) -> usize;
 
-    /// The inverse step.
+    /// The inverse of the step, which is a step of the same kind.
     fn inverse(self) -> Self;
 
     /// How many numbers [`ElementaryMap::forward_recorded`] writes for a point.
@@ -123,7 +123,7 @@ pub trait OfMomenta<P: Scalar>: ElementaryMap<P> {
 /// p += c f(q/ρ), f a series of Chebyshev polynomials.
 #[derive(Clone, Copy, Debug)]
 pub struct PlaneKick<'a, P> {
-    /// The series f.
+    /// The Chebyshev series f.
     pub series: Series<'a, P>,
     /// 1/ρ.
     pub inverse_radius: f64,

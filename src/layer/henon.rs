@@ -69,11 +69,11 @@ impl<P: Scalar, S: Over<P>, V: Potential<S>> Map<S> for HenonMap<'_, P, V> {
 /// How one of the four kicks of a layer reads its source and what it changes.
 #[derive(Clone, Copy, Debug)]
 pub struct KickForm {
-    /// The half that changes.
+    /// The half of the coordinates that the shear changes.
     pub target: Half,
-    /// The increment is subtracted.
+    /// Whether the increment is subtracted, as in an inverse.
     pub negative: bool,
-    /// The source is negated.
+    /// Whether the half that does not change is negated.
     pub reflect: bool,
     /// η is subtracted from the source.
     pub shifted: bool,

@@ -28,7 +28,7 @@ pub struct Kick<'a, P, V> {
 }
 
 impl<'a, P: Scalar, V> Kick<'a, P, V> {
-    /// The inverse shear.
+    /// The inverse shear: the same potential with the opposite sign.
     #[inline(always)]
     pub fn inverse(self) -> Self {
         Self { scale: -self.scale, ..self }
@@ -226,9 +226,11 @@ impl<P: Scalar, const D: usize> ElementaryMap<P> for Kick<'_, P, RidgePotential<
         let points = z_bars.len() / dim;
         // How many go together; where n is not known at compile time, none do.
         let together = if D > 0 { points / TOGETHER * TOGETHER } else { 0 };
-        for k in (0..together).step_by(TOGETHER) {
-            let (tapes, z_bars) = (&tapes[k * tape_len..], &mut z_bars[k * dim..]);
-            self.vjp_together::<S, TOGETHER>(tapes, z_bars, parameters_bar);
+        if const { D > 0 } {
+            for k in (0..together).step_by(TOGETHER) {
+                let (tapes, z_bars) = (&tapes[k * tape_len..], &mut z_bars[k * dim..]);
+                self.vjp_together::<S, TOGETHER>(tapes, z_bars, parameters_bar);
+            }
         }
         for k in together..points {
             let tape = &tapes[k * tape_len..(k + 1) * tape_len];

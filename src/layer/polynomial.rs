@@ -34,7 +34,7 @@ pub struct PolynomialPotential<'a, P> {
 /// The interval of the values of an action in the box of radius ρ.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ActionInterval {
-    /// Its middle.
+    /// The middle of the interval.
     pub centre: f64,
     /// One over half its width.
     pub inverse_half: f64,

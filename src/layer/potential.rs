@@ -129,7 +129,7 @@ impl<'a, P: Copy, const D: usize> NeuronPotential<'a, P, D> {
         }
     }
 
-    /// (Wᵀy + b)ⱼ.
+    /// The argument (Wᵀy + b)ⱼ of the activation of neuron j.
     #[inline(always)]
     pub fn preactivation<S: Over<P>>(&self, j: usize, y: &[S]) -> S {
         let [z] = self.neurons(j).preactivations(y);
@@ -184,7 +184,7 @@ impl<'a, P: Copy, const D: usize> NeuronPotential<'a, P, D> {
         // Where n is known: in registers.
         let mut known = [[S::zero(); D]; D];
         in_registers!(S, n, D, [y], out => {
-            if D == 0 {
+            if const { D == 0 } {
                 for entry in hessian.iter_mut() {
                     *entry = S::zero();
                 }
@@ -205,7 +205,7 @@ impl<'a, P: Copy, const D: usize> NeuronPotential<'a, P, D> {
                             }
                         }
                     }
-                    if D == 0 {
+                    if const { D == 0 } {
                         for row in 0..n {
                             let d = d.times(neurons.row(row)[k]);
                             for column in row..n {
@@ -247,7 +247,7 @@ struct Neurons<'a, P, const K: usize, const D: usize> {
 impl<'a, P: Copy, const K: usize, const D: usize> Neurons<'a, P, K, D> {
     #[inline(always)]
     fn row(&self, i: usize) -> &'a [P; K] {
-        if D > 0 {
+        if const { D > 0 } {
             return self.w_in[i];
         }
         let first = i * self.row + self.first;
@@ -287,7 +287,7 @@ impl<'a, P: Copy, const K: usize, const D: usize> Neurons<'a, P, K, D> {
                     _ => c[k].mul_add_parameter(w_in[k], sums[k % 2]),
                 };
             }
-            *out = if K == 1 { sums[0] } else { sums[0] + sums[1] };
+            *out = if const { K == 1 } { sums[0] } else { sums[0] + sums[1] };
         }
     }
 }

@@ -25,7 +25,7 @@ pub enum Reversor {
 }
 
 impl Reversor {
-    /// All of them.
+    /// Both reflections.
     pub const ALL: [Self; 2] = [Self::Positions, Self::Momenta];
 
     /// The half of the coordinates whose signs it changes.
@@ -54,7 +54,7 @@ impl Reversor {
         found.ok_or_else(|| Error::invalid("reversor", name, expected()))
     }
 
-    /// S in an equation.
+    /// The reflection S as an equation in q and p.
     pub fn equation(self) -> &'static str {
         match self {
             Self::Positions => "S(q, p) = (−q, p)",
@@ -62,7 +62,7 @@ impl Reversor {
         }
     }
 
-    /// z ← S(z).
+    /// Reflects a point in place, z ← S(z).
     #[inline(always)]
     pub fn apply<S: Scalar>(self, z: &mut [S]) {
         let (_, changed) = self.half().split(z.len() / 2, z);
@@ -77,7 +77,7 @@ impl Reversor {
 pub struct Reflection {
     /// The degrees of freedom n.
     pub dof: usize,
-    /// S.
+    /// The reflection S.
     pub reversor: Reversor,
 }
 

@@ -66,7 +66,7 @@ impl RidgeFunction {
 }
 
 impl Default for RidgeFunction {
-    /// Neurons of tanh.
+    /// Ridge functions of tanh: neurons.
     fn default() -> Self {
         Self::Neurons(Neuron::Tanh)
     }
@@ -77,7 +77,7 @@ impl Default for RidgeFunction {
 pub struct Ridges {
     /// h, the number of neurons or polynomials.
     pub width: usize,
-    /// Their kind.
+    /// The kind of function that each ridge has.
     pub function: RidgeFunction,
 }
 
@@ -130,7 +130,7 @@ impl<'a, P: Copy, const D: usize> RidgePotential<'a, P, D> {
             RidgeFunction::Neurons(neuron) => Self::Neurons(
                 NeuronPotential::new(arguments, width, parameters).with_neurons(neuron),
             ),
-            RidgeFunction::Polynomial { .. } if D > 0 => never(),
+            RidgeFunction::Polynomial { .. } if const { D > 0 } => never(),
             RidgeFunction::Polynomial { degree, radius } => Self::Polynomial(
                 PolynomialPotential::new(arguments, [width, degree], radius, actions, parameters),
             ),
@@ -189,7 +189,7 @@ impl<'a, P: Copy, const D: usize> RidgePotential<'a, P, D> {
     pub(super) fn gradient_recording<S: Over<P>>(&self, y: &[S], out: &mut [S], tape: &mut [S]) {
         match self {
             Self::Neurons(neurons) => neurons.gradient_recording(y, out, tape),
-            Self::Polynomial(of) if D == 0 => of.gradient_recording(y, out, tape),
+            Self::Polynomial(of) if const { D == 0 } => of.gradient_recording(y, out, tape),
             Self::Polynomial(_) => never(),
         }
     }
@@ -204,7 +204,7 @@ impl<'a, P: Copy, const D: usize> RidgePotential<'a, P, D> {
     ) {
         match self {
             Self::Neurons(neurons) => neurons.gradient_and_hessian(y, out, hessian),
-            Self::Polynomial(of) if D == 0 => of.gradient_and_hessian(y, out, hessian),
+            Self::Polynomial(of) if const { D == 0 } => of.gradient_and_hessian(y, out, hessian),
             Self::Polynomial(_) => never(),
         }
     }
@@ -220,7 +220,7 @@ impl<P: Scalar, const D: usize> RidgePotential<'_, P, D> {
     {
         match self {
             Self::Neurons(neurons) => neurons.gradient_across::<V>(y, out),
-            Self::Polynomial(of) if D == 0 => of.gradient(y, out),
+            Self::Polynomial(of) if const { D == 0 } => of.gradient(y, out),
             Self::Polynomial(_) => never(),
         }
     }
@@ -238,7 +238,7 @@ impl<P: Scalar, const D: usize> RidgePotential<'_, P, D> {
     ) {
         match self {
             Self::Neurons(neurons) => neurons.vjp(y, tape, u, y_bar, parameters_bar),
-            Self::Polynomial(of) if D == 0 => of.vjp(y, tape, u, y_bar, parameters_bar),
+            Self::Polynomial(of) if const { D == 0 } => of.vjp(y, tape, u, y_bar, parameters_bar),
             Self::Polynomial(_) => never(),
         }
     }
@@ -283,7 +283,7 @@ impl<P: Copy, S: Over<P>, const D: usize> Potential<S> for RidgePotential<'_, P,
     fn gradient(&self, y: &[S], out: &mut [S]) {
         match self {
             Self::Neurons(neurons) => neurons.gradient(y, out),
-            Self::Polynomial(of) if D == 0 => of.gradient(y, out),
+            Self::Polynomial(of) if const { D == 0 } => of.gradient(y, out),
             Self::Polynomial(_) => never(),
         }
     }

@@ -35,7 +35,7 @@ impl CircleAction {
         Self { weights: weights.into() }
     }
 
-    /// The weights m_j.
+    /// The weight m_j of each plane: how often it turns while the circle turns once.
     pub fn weights(&self) -> &[i32] {
         &self.weights
     }
@@ -150,7 +150,7 @@ impl TorusAction {
         Self { circles: (0..count).map(circle).collect() }
     }
 
-    /// The circles.
+    /// The circles of the torus, each with its weights.
     pub fn circles(&self) -> &[CircleAction] {
         &self.circles
     }
@@ -223,13 +223,13 @@ impl From<CircleAction> for TorusAction {
 /// <https://doi.org/10.1007/BF02476026>.
 #[derive(Clone, Copy, Debug)]
 pub struct PlaneTurn<P> {
-    /// j, the plane.
+    /// The number j of the plane, from 0.
     pub plane: usize,
     /// Quarter turns, 0 … 3, subtracted from the angle so that |angle′| ≤ π/4; 6 for two of them after the shears.
     pub quarter_turns: u8,
     /// t = tan(angle′/2) = s/(1 + c).
     pub t: P,
-    /// s = sin(angle′).
+    /// s = sin(angle′), the factor of the shear between the two by t.
     pub s: P,
 }
 
@@ -396,7 +396,7 @@ impl<P: Scalar> Turn<P> {
         }
     }
 
-    /// The number of angles.
+    /// The number of angles, one for each circle.
     pub fn angle_count(&self) -> usize {
         self.angles
     }

@@ -108,7 +108,7 @@ impl<'a, P: Scalar, const D: usize> TurnedCoupling<'a, P, D> {
         Self { turn, shear }
     }
 
-    /// R(φ) and the coupling.
+    /// The turn R(φ) and the coupling between it and its inverse.
     pub fn parts(&self) -> (&'a Turn<P>, &AffineCoupling<'a, P, D>) {
         (self.turn, &self.shear)
     }

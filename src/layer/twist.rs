@@ -155,11 +155,11 @@ pub struct TwistShears {
 /// The function of one action that a shear of a twist is made of.
 #[cfg(feature = "proofs")]
 pub(crate) struct OfAction<'a> {
-    /// Its ridge functions.
+    /// The ridge functions of its generator.
     pub ridges: Ridges,
     /// The interval of the action, where they are polynomials.
     pub interval: Option<ActionInterval>,
-    /// Their parameters.
+    /// The parameters of the ridge functions.
     pub functions: &'a [f64],
     /// The factor of half the square of the action.
     pub form: f64,
@@ -233,7 +233,7 @@ impl TwistShears {
         self.function
     }
 
-    /// The number of shears.
+    /// The number of shears of the twist.
     #[inline(always)]
     pub fn count(&self) -> usize {
         self.neurons.len() - 1
@@ -314,7 +314,7 @@ impl TwistShears {
 /// are rounded to a grid, it is approximate, not exact.
 #[derive(Clone, Copy, Debug)]
 pub struct Twist<'a, P, const D: usize = 0> {
-    /// Its shears.
+    /// The shears that the twist is composed of.
     pub shears: &'a TwistShears,
     /// The factor c of the generating functions.
     pub scale: P,

@@ -5,10 +5,11 @@
 //! inlined, and what they call is not inlined in them.
 
 /// Runs `$body` on copies of the n inputs and on n outputs that are zero, whose number the
-/// compiler knows (unless `$D` is 0), so that it keeps them in registers.
+/// compiler knows (unless `$D` is 0), so that it keeps them in registers. With a `const` block only the branch that is
+/// taken is compiled.
 macro_rules! in_registers {
     ($number:ident, $n:expr, $D:ident, [$($input:ident),*], $out:ident => $body:expr) => {
-        if $D > 0 {
+        if const { $D > 0 } {
             let slice: &mut [_; $D] = $out.first_chunk_mut().expect("n of them");
             $(let $input: &[_; $D] = &{ *$input.first_chunk().expect("n of them") };)*
             let $out = &mut [$number::zero(); $D];

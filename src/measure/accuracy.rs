@@ -110,7 +110,7 @@ pub fn drift_exponent(trajectories: &Trajectories, quantity: impl Fn(&[f64]) -> 
 /// A power of ten that a decreasing error has reached.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Milestone {
-    /// The power of ten.
+    /// The error as a power of ten.
     pub level: f64,
     /// The iteration at which the error was first seen at or below it.
     pub iteration: u64,

@@ -26,7 +26,7 @@ pub struct Certificate {
     /// The [domain](Measurable::domain) of the samples; empty for the box |z_i| ≤ `radius`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub domain: Vec<Coordinate>,
-    /// The laws.
+    /// The laws that were checked, a row each.
     pub rows: Vec<Row>,
 }
 

@@ -96,7 +96,7 @@ impl PolynomialAndInverse {
         Self { forward, backward }
     }
 
-    /// The other way round.
+    /// The inverse map: the two polynomials exchanged.
     pub fn exchanged(self) -> Self {
         Self { forward: self.backward, backward: self.forward }
     }

@@ -138,7 +138,7 @@ pub fn invariant_horizon(
 /// A straight line through points, by least squares.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FittedLine {
-    /// Its slope.
+    /// The slope of the line.
     pub slope: f64,
     /// The standard error of the slope.
     pub slope_error: f64,
@@ -171,7 +171,7 @@ pub fn log_line(x: &[f64], y: &[f64]) -> FittedLine {
     FittedLine { slope, slope_error, degrees_of_freedom }
 }
 
-/// The slope of [`log_line`].
+/// The slope of the line that [`log_line`] fits to logarithms.
 pub fn log_slope(x: &[f64], y: &[f64]) -> f64 {
     log_line(x, y).slope
 }

@@ -13,12 +13,12 @@ use std::f64::consts::TAU;
 pub struct SpectralLine {
     /// ν, in turns per sample of the signal, between −½ and ½.
     pub frequency: f64,
-    /// x and y.
+    /// The real and the imaginary part x, y of the amplitude.
     pub amplitude: [f64; 2],
 }
 
 impl SpectralLine {
-    /// |x + iy|.
+    /// The modulus |x + iy| of the amplitude.
     pub fn size(&self) -> f64 {
         libm::hypot(self.amplitude[0], self.amplitude[1])
     }

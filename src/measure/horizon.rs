@@ -143,7 +143,7 @@ impl AdiabaticOrbit {
         self.largest
     }
 
-    /// μ₀ at the start.
+    /// The adiabatic invariant μ₀ at the initial point.
     pub fn initial(&self) -> f64 {
         self.initial
     }

@@ -104,7 +104,7 @@ impl InvariantCircle {
         out
     }
 
-    /// The number of modes.
+    /// The number of Fourier modes of the circle.
     pub fn modes(&self) -> usize {
         self.modes.len() / 2
     }

@@ -55,7 +55,7 @@ impl<'a> ThereAndBack<'a> {
         Self { domain, ..self }
     }
 
-    /// ρ_I at z ([`inversion_ratio`]).
+    /// The ratio ρ_I at a point z, as [`inversion_ratio`] defines it.
     pub fn ratio(&self, z: &[f64]) -> Conditioned {
         let u = f64::unit_roundoff();
         let propagation = RoundingPropagation::new(&self.steps, z);

@@ -80,7 +80,7 @@ impl Samples {
         Self { points, angles }
     }
 
-    /// The points.
+    /// The points at which the laws are checked.
     pub fn points(&self) -> &[f64] {
         &self.points
     }

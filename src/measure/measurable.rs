@@ -64,21 +64,21 @@ fn forward_layers<'a, M: Measurable + 'a>(layers: impl Iterator<Item = M>) -> La
 /// A family of nearly-periodic maps P_ε = I_ε∘ψ∘Φ_θ∘ψ⁻¹, given by its parts. A [`Model`] of that
 /// structure implements it; so can any map that claims to be built this way.
 pub trait NearlyPeriodic: Measurable {
-    /// P_ε at another ε.
+    /// The same map P_ε at another ε.
     fn map_at(&self, epsilon: f64) -> Box<dyn Measurable + '_>;
-    /// I_ε at another ε.
+    /// The near-identity map I_ε at another ε.
     fn near_identity_at(&self, epsilon: f64) -> Box<dyn Measurable + '_>;
     /// The map ψ that conjugates its circle action.
     fn conjugation(&self) -> Box<dyn Measurable + '_>;
     /// How often each plane (q_j, p_j) turns while θ goes round once.
     fn action_weights(&self) -> Vec<i32>;
-    /// z ← Φ_θ(z).
+    /// Applies the circle action in place, z ← Φ_θ(z).
     fn turn(&self, theta: f64, z: &mut [f64]);
-    /// ψ∘Φ_θ∘ψ⁻¹.
+    /// The conjugated circle action ψ∘Φ_θ∘ψ⁻¹ with an angle θ.
     fn conjugated_action_at(&self, theta: f64) -> Box<dyn Measurable + '_>;
-    /// θ of the map.
+    /// The angle θ of the map, in radians.
     fn angle(&self) -> f64;
-    /// ε of the map.
+    /// The ε of the map.
     fn epsilon(&self) -> f64;
 }
 

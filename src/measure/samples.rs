@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct CertificateOptions {
-    /// How many points.
+    /// The number of points that are drawn.
     pub samples: usize,
     /// Half the side of the box.
     pub radius: f64,

@@ -47,14 +47,14 @@ pub fn winding_numbers(
 /// The interval of a line on which a map is locked to a resonance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LockedInterval {
-    /// The lower end.
+    /// The lower end of the interval.
     pub low: f64,
-    /// The upper end.
+    /// The upper end of the interval.
     pub high: f64,
 }
 
 impl LockedInterval {
-    /// Its width.
+    /// The width of the interval.
     pub fn width(self) -> f64 {
         self.high - self.low
     }

@@ -14,7 +14,7 @@ pub struct SymmetryLine {
     pub reversor: Reversor,
     /// The end of the part with the smaller coordinate.
     pub from: f64,
-    /// The other end.
+    /// The end of the part with the larger coordinate.
     pub to: f64,
     /// The number of points at which the line is looked at, evenly spaced, with both ends. Of two orbits between
     /// neighbouring points none may be found.

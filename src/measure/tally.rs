@@ -45,7 +45,7 @@ pub enum Verdict {
 }
 
 impl Verdict {
-    /// One word for tables.
+    /// The verdict in one word, for tables.
     pub fn word(self) -> &'static str {
         match self {
             Self::Holds => "holds",
@@ -62,24 +62,24 @@ impl Verdict {
 pub struct Row {
     /// The name of the law.
     pub law: String,
-    /// What is measured.
+    /// The equation whose two sides are compared.
     pub equation: String,
-    /// The number of samples.
+    /// The number of samples that were compared.
     pub samples: usize,
     /// The number of samples on which rounding leaves no digit to test.
     pub ill_conditioned: usize,
-    /// The smallest result.
+    /// The smallest result, where there is one.
     pub smallest: Option<f64>,
     /// The largest result: a ratio, a count of components for bitwise laws, or the shortfall of the
     /// order for slopes. None where no sample could be tested or a result was NaN.
     pub largest: Option<f64>,
-    /// The median.
+    /// The median of the results.
     pub median: Option<f64>,
     /// The upper decile of the results that are not 0, if there are any.
     pub deviation: Option<f64>,
     /// What `largest` must stay below.
     pub limit: f64,
-    /// The verdict.
+    /// Whether the law holds on these samples.
     pub verdict: Verdict,
     /// The point of the largest result, or of a result that is NaN; None where results do not
     /// belong to points.
@@ -221,12 +221,12 @@ impl Tally {
         &self.law
     }
 
-    /// What is measured.
+    /// The equation whose two sides are compared.
     pub fn equation(&self) -> &str {
         &self.equation
     }
 
-    /// Adds a sample.
+    /// Adds the result of one sample.
     pub fn push(&mut self, result: Conditioned) {
         match result {
             Conditioned::Ratio(ratio) => self.ratios.push(ratio),
@@ -262,7 +262,7 @@ impl Tally {
         self
     }
 
-    /// Adds samples.
+    /// Adds the results of several samples.
     pub fn extend(mut self, results: impl IntoIterator<Item = Conditioned>) -> Self {
         for result in results {
             self.push(result);

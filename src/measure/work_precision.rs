@@ -12,11 +12,11 @@ use std::time::Instant;
 /// Median and quartiles of repeated measurements.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Spread {
-    /// The lower quartile.
+    /// The lower quartile of the values.
     pub lower: f64,
-    /// The median.
+    /// The median of the values.
     pub median: f64,
-    /// The upper quartile.
+    /// The upper quartile of the values.
     pub upper: f64,
 }
 
@@ -57,7 +57,7 @@ pub struct Method<'a> {
     pub name: String,
     /// What is varied along the curve, such as the number of steps.
     pub setting: Option<f64>,
-    /// Computes the result.
+    /// The function that is timed; it computes the result.
     pub run: Run<'a>,
     /// Computes a part of the result without sharing vector lanes, with its units of work.
     pub alone: Option<(Run<'a>, f64)>,
@@ -86,7 +86,7 @@ impl<'a> Method<'a> {
 /// The error and the run time of a method.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct WorkPrecision {
-    /// The method's name.
+    /// The name of the method in tables.
     pub name: String,
     /// What is varied along the curve.
     pub setting: Option<f64>,
@@ -340,7 +340,7 @@ pub struct TrajectoryMethods<'a> {
     pub trajectories: usize,
     /// How often a method repeats the set of trajectories: see [`TrajectoryMethods::copies_of`].
     pub copies: usize,
-    /// How long they are.
+    /// The time that the orbits are followed for.
     pub time: f64,
 }
 
@@ -382,7 +382,7 @@ pub struct Comparison {
     pub trajectories: usize,
     /// How many trajectories are timed together.
     pub together: usize,
-    /// How long they are.
+    /// The time that the orbits are followed for.
     pub time: f64,
     /// The root mean square of |z| along them.
     pub size: f64,
@@ -397,7 +397,7 @@ pub struct Comparison {
 pub struct FastestWithin<'a> {
     /// The largest power of ten.
     pub from: i32,
-    /// The smallest.
+    /// The smallest power of ten.
     pub to: i32,
     /// The name of the method.
     pub name: &'a str,

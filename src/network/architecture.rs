@@ -67,7 +67,7 @@ pub struct Architecture {
     /// h, the flow time; 1 where no block is scaled by it.
     #[serde(default = "one")]
     pub flow_time: f64,
-    /// The blocks.
+    /// The blocks of the network, in the order in which they are listed.
     pub blocks: Vec<Block>,
     /// S, where the map is reversible for all weights.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -99,7 +99,7 @@ pub enum Structure {
 }
 
 impl Structure {
-    /// Its name in files.
+    /// The name of the structure in files.
     pub fn name(self) -> &'static str {
         match self {
             Self::Plain => "plain",

@@ -68,7 +68,7 @@ impl Part {
         }
     }
 
-    /// Its name in files.
+    /// The name in files.
     fn name(self) -> &'static str {
         match self {
             Self::Conjugation => "conjugation",
@@ -259,7 +259,7 @@ impl Layers {
         }
     }
 
-    /// Its name in files.
+    /// The name in files.
     pub fn name(&self) -> &'static str {
         match self {
             Self::Henon(_) => "henon",
@@ -469,7 +469,7 @@ pub struct Block {
     pub part: Part,
     /// The factor of its increments.
     pub scale: Scale,
-    /// Its layers.
+    /// The layers of the block, with their widths.
     pub layers: Layers,
     /// The ridge functions in the potentials of its layers; couplings and modules have none.
     pub ridges: RidgeFunction,

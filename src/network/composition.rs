@@ -284,7 +284,7 @@ impl<P: Scalar> Composition<P> {
         self.dof
     }
 
-    /// The flat parameters.
+    /// The parameters of all steps, one after another.
     pub fn parameters(&self) -> &[P] {
         &self.parameters
     }

@@ -10,9 +10,9 @@ use serde::{Deserialize, Serialize};
 pub struct ControlRange {
     /// Its name: letters, digits, `-` and `_`.
     pub name: String,
-    /// The least value, …
+    /// The least value of the control among the pairs.
     pub low: f64,
-    /// … and the greatest.
+    /// The greatest value of the control among the pairs.
     pub high: f64,
 }
 
@@ -155,7 +155,7 @@ impl Controls {
         self.exponents().into_iter().map(prefix).collect()
     }
 
-    /// The controls in words.
+    /// The controls and their ranges in words.
     pub fn describe(&self) -> String {
         let range =
             |range: &ControlRange| format!("{} from {} to {}", range.name, range.low, range.high);

@@ -226,12 +226,12 @@ impl<P: Real> Model<P> {
         self.architecture.composition_of_part(part, composition.epsilon(), composition.parameters())
     }
 
-    /// ψ, the conjugation.
+    /// The conjugation ψ: the circle action of the map is ψ∘Φ_θ∘ψ⁻¹.
     pub fn psi(&self) -> Composition<P> {
         self.part(Part::Conjugation)
     }
 
-    /// I_ε, the near-identity map.
+    /// The near-identity map I_ε, the identity at ε = 0.
     pub fn near_identity(&self) -> Composition<P> {
         self.part(Part::NearIdentity)
     }
@@ -286,12 +286,12 @@ impl<P: Real> Model<P> {
 }
 
 impl<P: Scalar> Model<P> {
-    /// Its architecture.
+    /// The architecture of the network.
     pub fn architecture(&self) -> &Architecture {
         &self.architecture
     }
 
-    /// Its steps and parameters.
+    /// The steps of the map and their parameters.
     pub fn composition(&self) -> &Composition<P> {
         &self.composition
     }

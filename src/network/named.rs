@@ -34,7 +34,7 @@ impl HenonShape {
         Architecture::new(self.dof).at_epsilon(epsilon).with(block)
     }
 
-    /// The number of parameters.
+    /// The number of trainable parameters of this shape.
     pub fn parameter_count(&self) -> usize {
         self.architecture(1.0).parameter_count()
     }
@@ -183,7 +183,7 @@ impl SympNetShape {
         Architecture::new(dof).with(Block::new(Part::None, layers).named(""))
     }
 
-    /// The number of parameters.
+    /// The number of trainable parameters of this shape.
     pub fn parameter_count(&self) -> usize {
         self.architecture().parameter_count()
     }

@@ -65,7 +65,7 @@ impl GridPoints {
         Self { grid, places }
     }
 
-    /// The grid.
+    /// The grid that states are rounded to.
     pub fn grid(&self) -> Grid {
         self.grid
     }

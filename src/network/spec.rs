@@ -15,7 +15,7 @@ use std::path::PathBuf;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LayerSizes {
-    /// The number of layers.
+    /// The number of layers of the part.
     pub count: usize,
     /// The number of neurons of each layer: one number, or two that alternate.
     pub width: Alternating,
@@ -104,7 +104,7 @@ pub struct NamedArchitecture {
     /// The keys of its sizes, with their defaults; parts without a default are left out unless
     /// their size is given.
     pub sizes: &'static [(&'static str, Option<(usize, usize)>)],
-    /// Its circles.
+    /// The circles that the architecture is built on.
     pub circles: Circles,
     make: fn(&NetworkSpec, &Placed<'_>) -> Architecture,
 }
@@ -123,7 +123,7 @@ impl Placed<'_> {
 }
 
 impl NamedArchitecture {
-    /// All of them.
+    /// All architectures that have a name.
     pub const ALL: &[Self] = &[
         Self {
             name: "gyroceptron",
@@ -265,10 +265,10 @@ pub struct NetworkSpec {
     /// `.safetensors`, `.npz` or `.index`, as [`import_weights`](crate::io::import_weights) takes
     /// them, which is not trained.
     pub kind: String,
-    /// The layers of ψ.
+    /// The layers of the conjugation ψ.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub psi: Option<LayerSizes>,
-    /// The layers of I_ε.
+    /// The layers of the near-identity map I_ε.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub near_identity: Option<LayerSizes>,
     /// The turned kicks of ψ_ε.
@@ -297,10 +297,10 @@ pub struct NetworkSpec {
     /// The shears of each of its linear modules.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shears: Option<usize>,
-    /// σ of a SympNet.
+    /// The activation σ of a SympNet.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub activation: Option<Activation>,
-    /// See [`SympNetShape::plain`].
+    /// Whether a SympNet has no translations: see [`SympNetShape::plain`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub plain: Option<bool>,
     /// S of a map that is reversible for all weights.
@@ -354,7 +354,7 @@ impl NetworkSpec {
         }
     }
 
-    /// A list of blocks.
+    /// The specification of a network that is a list of blocks.
     pub fn of_blocks(blocks: impl Into<Vec<Block>>) -> Self {
         Self { kind: Self::BLOCKS.into(), blocks: blocks.into(), ..Self::default() }
     }

@@ -58,7 +58,7 @@ impl Half {
         }
     }
 
-    /// The other half.
+    /// The other half of the coordinates.
     #[inline(always)]
     pub fn other(self) -> Self {
         match self {
@@ -78,7 +78,7 @@ pub enum Direction {
 }
 
 impl Direction {
-    /// The other direction.
+    /// The opposite direction.
     pub fn reversed(self) -> Self {
         match self {
             Self::Forward => Self::Inverse,

@@ -388,7 +388,7 @@ impl AreaDensity {
         self.low
     }
 
-    /// The upper corner.
+    /// The upper corner of the box of the section, x and y.
     pub fn high(&self) -> [f64; 2] {
         self.high
     }

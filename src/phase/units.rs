@@ -88,7 +88,7 @@ impl Units {
         &self.centre
     }
 
-    /// The diagonal of S.
+    /// The factors of the coordinates, the diagonal of S.
     pub fn factors(&self) -> &[f64] {
         &self.factors
     }

@@ -9,12 +9,11 @@ use crate::error::Error;
 use crate::flow::Pairs;
 use crate::io::{Checkpoints, StoredModel, read_section};
 use crate::layer::{Neuron, Reversor};
-use crate::network::{Alternating, Block, LayerSizes, NetworkSpec};
+use crate::network::{Alternating, Block, LayerSizes};
 use crate::scene::{Folder, NextStep, OwnTraining, Scene, TrainingTimes};
 use crate::train::{
-    AdamOptions, Checkpoint, Control, ControlOptions, FamilyPairs, Fit, FitNote, LbfgsOptions,
-    LevenbergMarquardtOptions, Loss, Optimiser, Plateau, Progress, RampStage, Starts, Stop,
-    TrainingObserver, TrainingOptions, TrainingStage,
+    Checkpoint, Control, ControlOptions, FamilyPairs, Fit, FitNote, FitOptions, Loss, Optimiser,
+    Progress, RampStage, Recipe, TrainingObserver, TrainingStage,
 };
 use pyo3::conversion::FromPyObjectOwned;
 use pyo3::prelude::*;
@@ -107,7 +106,7 @@ struct Calling<'a> {
 
 impl TrainingObserver for Calling<'_> {
     fn earlier(&mut self, stage: TrainingStage) -> Result<Option<Checkpoint>, Error> {
-        self.checkpoints.as_ref().map_or(Ok(None), |checkpoints| checkpoints.earlier(stage))
+        self.checkpoints.as_mut().map_or(Ok(None), |checkpoints| checkpoints.earlier(stage))
     }
 
     fn observe(&mut self, stage: TrainingStage, progress: Progress<'_>) -> Result<Control, Error> {
@@ -115,9 +114,8 @@ impl TrainingObserver for Calling<'_> {
         if stage == TrainingStage::Last {
             self.times.points.push((record.iteration, self.start.elapsed().as_secs_f64()));
         }
-        if let (Some(checkpoints), Some(checkpoint)) = (&mut self.checkpoints, progress.checkpoint)
-        {
-            checkpoints.save(stage, checkpoint)?;
+        if let Some(checkpoints) = &mut self.checkpoints {
+            checkpoints.observe(stage, progress)?;
         }
         if self.stopped {
             return Ok(Control::Interrupt);
@@ -265,15 +263,10 @@ pub(super) fn train(
     resume: bool,
     callback: Option<Py<PyAny>>,
 ) -> PyResult<Model> {
-    let is_of_scene = scene.is_some();
-    if let Some(iterations) = iterations {
-        let found = usize::try_from(iterations).unwrap_or(usize::MAX);
-        Error::check_count_range("iterations", found, 1, usize::MAX)?;
-    }
     if resume && checkpoint.is_none() {
         return Err(Error::invalid("resume", "True", "a checkpoint beside it").into());
     }
-    let (name, base) = base(recipe, scene)?;
+    let (name, recipe) = recipe_of(recipe, scene)?;
     let action = circle_action.given()?;
     let dof = action.as_ref().map_or_else(|| dof_of("input", &input), |action| Ok(action.dof()))?;
     let (input, output) = (rows_of("input", &input, dof)?, rows_of("output", &output, dof)?);
@@ -281,43 +274,16 @@ pub(super) fn train(
     let ((epsilon, epsilons), (flow_time, times)) = (condition(epsilon), condition(flow_time));
     let (names, values) = controls.map(|of| columns_of(&of, pairs.len())).transpose()?.unzip();
     let data = FamilyPairs::under(pairs, epsilons.as_deref(), times.as_deref(), values.as_deref())?;
-    let reversor = reversor.map(Reversor::find).transpose()?;
-    let shapes = Shapes {
-        psi,
-        near_identity,
-        kicks,
-        twists,
-        turned_twists,
-        perturbation,
-        layers,
-        radius,
-        reversor,
-    };
-    let blocks = blocks.map(|blocks| blocks_of(py, blocks)).transpose()?.unwrap_or_default();
-    let network = shapes.network(architecture, base.network.clone(), blocks)?;
-    let mut training = base.training.clone();
-    if let Some(name) = optimiser {
-        training.optimiser = match name {
-            "l-bfgs" => Optimiser::Lbfgs(LbfgsOptions::default()),
-            "lm" => Optimiser::LevenbergMarquardt(LevenbergMarquardtOptions::default()),
-            "adam" => Optimiser::Adam(AdamOptions::default()),
-            _ => return Err(Error::invalid("optimiser", name, "l-bfgs, lm or adam").into()),
-        };
-        let at_rest = || (name == "lm").then(Plateau::default);
-        // That of a scene stays; that of the recipe is one of its optimiser.
-        training.plateau = if is_of_scene { training.plateau.or_else(at_rest) } else { at_rest() };
-    }
-    if let Some(iterations) = plateau {
-        training.plateau = Plateau::over(iterations);
-    }
-    if let Some(count) = starts {
-        let found = usize::try_from(count).unwrap_or(usize::MAX);
-        Error::check_count_range("starts", found, 1, usize::MAX)?;
-        training.starts = (count > 1).then_some(Starts { count, iterations: Starts::TRIAL });
-    }
-    if let Some(weights) = loss_weights {
-        training.loss = weights.loss()?;
-    }
+    let sizes = [
+        ("psi", psi),
+        ("near_identity", near_identity),
+        ("kicks", kicks),
+        ("twists", twists),
+        ("turned_twists", turned_twists),
+        ("perturbation", perturbation),
+        ("layers", layers),
+    ];
+    let given = sizes.into_iter().filter_map(|(key, size)| Some((key, size?)));
     let stage = |Sequence(stage)| {
         let (flow_time, degree, iterations) = match stage {
             Stage::OfTime(time, iterations) => (Some(time), None, iterations),
@@ -325,22 +291,29 @@ pub(super) fn train(
         };
         RampStage { flow_time, epsilon: None, repeats: None, degree, iterations }
     };
+    let options = FitOptions {
+        architecture: architecture.map(str::to_owned),
+        blocks: blocks.map(|blocks| blocks_of(py, blocks)).transpose()?.unwrap_or_default(),
+        sizes: given.map(|(key, size)| Ok((key, sizes_of(size)?))).collect::<Result<_, Error>>()?,
+        radius,
+        reversor: reversor.map(Reversor::find).transpose()?,
+        optimiser: optimiser.map(Optimiser::named).transpose()?,
+        iterations,
+        starts,
+        plateau,
+        ramp: ramp.map(|stages| stages.into_iter().map(stage).collect()),
+        loss: loss_weights.map(LossWeights::loss).transpose()?,
+        near_identity_penalty,
+        theta_fixed,
+        theta_penalty,
+        patience,
+        target,
+    };
     let fit = Fit {
         action,
-        network,
         epsilon,
         flow_time,
         theta,
-        training: TrainingOptions {
-            iterations: iterations.unwrap_or(training.iterations),
-            ramp: ramp.map_or(training.ramp, |stages| stages.into_iter().map(stage).collect()),
-            near_identity_penalty: near_identity_penalty.unwrap_or(training.near_identity_penalty),
-            theta_fixed: theta_fixed || training.theta_fixed,
-            theta_penalty: theta_penalty.unwrap_or(training.theta_penalty),
-            patience: patience.unwrap_or(training.patience),
-            target: target.unwrap_or(training.target),
-            ..training
-        },
         controls: ControlOptions { names: names.unwrap_or_default(), degree: control_degree },
         section: section.as_deref().map(read_section).transpose()?,
         units: match units {
@@ -350,7 +323,7 @@ pub(super) fn train(
         },
         validation,
         seed,
-        ..base
+        ..options.over(recipe)?
     };
     fit.check()?;
     // Before anything is computed.
@@ -383,11 +356,8 @@ pub(super) fn train(
         return Err(raised);
     }
     let fitted = fitted?;
-    let ends = fitted.outcome().stop;
-    if let (Some(checkpoints), false) =
-        (&checkpoints, matches!(ends, Stop::Iterations | Stop::Interrupted))
-    {
-        checkpoints.remove()?;
+    if let Some(checkpoints) = &checkpoints {
+        checkpoints.remove_after(fitted.outcome().stop)?;
     }
     let stored = StoredModel::of_fit(&fitted, &name);
     let controls = fitted.problem.architecture.controls.as_ref();
@@ -404,84 +374,22 @@ pub(super) fn train(
     Ok(Model { stored, trained: Some(Arc::new(trained)) })
 }
 
-/// The name of the fit, and its network and training, as the scene or the recipe has them.
-fn base(recipe: Option<&str>, scene: Option<PathBuf>) -> Result<(String, Fit), Error> {
-    let fit = match (recipe, scene) {
-        (Some(recipe), Some(_)) => {
-            return Err(Error::invalid("recipe", recipe, "none beside a scene"));
-        }
-        (None, Some(name)) => {
-            let name = name.display().to_string();
-            let scene = Scene::read(&name)?;
-            let fit = scene.fit().map_err(|e| e.with_place(name))?;
-            return Ok((scene.name, fit));
-        }
-        (None | Some("recommended"), None) => Fit::default(),
-        (Some("paper"), None) => Fit::paper(),
-        (Some(other), None) => {
-            return Err(Error::invalid("recipe", other, "recommended or paper"));
-        }
+/// The name of the fit, and its recipe or that of the scene.
+fn recipe_of(name: Option<&str>, scene: Option<PathBuf>) -> Result<(String, Recipe), Error> {
+    let Some(path) = scene else {
+        return Ok(("train".into(), name.map(Recipe::named).transpose()?.unwrap_or_default()));
     };
-    Ok(("train".into(), fit))
-}
-
-/// Those of the parts that were asked for.
-struct Shapes {
-    psi: Shape,
-    near_identity: Shape,
-    kicks: Shape,
-    twists: Shape,
-    turned_twists: Shape,
-    perturbation: Shape,
-    layers: Shape,
-    radius: Option<f64>,
-    reversor: Option<Reversor>,
-}
-
-impl Shapes {
-    /// The network that is asked for; None where nothing is.
-    fn network(
-        self,
-        architecture: Option<&str>,
-        before: Option<NetworkSpec>,
-        blocks: Vec<Block>,
-    ) -> Result<Option<NetworkSpec>, Error> {
-        if let (Some(name), false) = (architecture, blocks.is_empty()) {
-            return Err(Error::invalid("architecture", name, "none beside blocks"));
-        }
-        let sizes = [
-            ("psi", self.psi),
-            ("near_identity", self.near_identity),
-            ("kicks", self.kicks),
-            ("twists", self.twists),
-            ("turned_twists", self.turned_twists),
-            ("perturbation", self.perturbation),
-            ("layers", self.layers),
-        ];
-        let given = sizes.into_iter().filter_map(|(key, size)| Some((key, size?)));
-        let sizes: Vec<(&str, LayerSizes)> =
-            given.map(|(key, size)| Ok((key, layers(size)?))).collect::<Result<_, Error>>()?;
-        let has_parts = self.radius.is_some() || self.reversor.is_some();
-        let keys: Vec<&str> = sizes.iter().map(|(key, _)| *key).collect();
-        let network = match (architecture, before) {
-            _ if !blocks.is_empty() => NetworkSpec::of_blocks(blocks),
-            (Some(name), _) => NetworkSpec::named(name)?,
-            (None, Some(network)) => network,
-            (None, None) if keys.is_empty() && !has_parts => return Ok(None),
-            (None, None) if keys.is_empty() => NetworkSpec::named("normal-form")?,
-            (None, None) => NetworkSpec::with_parts(&keys)?,
-        };
-        let with = |network: NetworkSpec, (key, size)| network.with_size(key, size);
-        let network = sizes.into_iter().try_fold(network, with)?;
-        let network = match self.reversor {
-            Some(reversor) => network.reversible(reversor)?,
-            None => network,
-        };
-        self.radius.map_or(Ok(network.clone()), |radius| network.with_radius(radius)).map(Some)
+    if let Some(name) = name {
+        return Err(Error::invalid("recipe", name, "none beside a scene"));
     }
+    let path = path.display().to_string();
+    let scene = Scene::read(&path)?;
+    let fit = scene.fit().map_err(|e| e.with_place(path))?;
+    Ok((scene.name, Recipe::Declared(Box::new(fit))))
 }
 
-fn layers(Sequence(sizes): Sequence<Sizes>) -> Result<LayerSizes, Error> {
+/// The sizes of a part.
+fn sizes_of(Sequence(sizes): Sequence<Sizes>) -> Result<LayerSizes, Error> {
     let (count, width, degree, activation) = match sizes {
         Sizes::Neurons(count, width) => (count, width, None, None),
         Sizes::Polynomials(count, width, degree) => (count, width, Some(degree), None),

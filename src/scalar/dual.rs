@@ -13,9 +13,9 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 /// chapter 3.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Dual<S, const N: usize> {
-    /// The value.
+    /// The value of the number, without derivatives.
     pub re: S,
-    /// The derivatives.
+    /// The derivatives of the value in N directions.
     pub eps: [S; N],
 }
 

@@ -1,7 +1,7 @@
 //! `f64` and `f32` as scalars.
 
 use super::lanewise::{Lanewise, functions_of_lanes};
-use super::{Elementary, Over, Real, Scalar, over_itself, simd, tanh_sech2};
+use super::{Elementary, Over, Pack, Real, Scalar, over_itself, simd, tanh_sech2};
 
 impl Scalar for f64 {
     #[inline(always)]
@@ -94,6 +94,19 @@ impl Lanewise for f64 {
     #[inline(always)]
     fn minus_bits(self, other: Self) -> Self {
         f64::from_bits(self.to_bits().wrapping_sub(other.to_bits()))
+    }
+}
+
+/// One lane.
+impl Pack for f64 {
+    const LANES: usize = 1;
+    #[inline(always)]
+    fn load(values: &[f64]) -> Self {
+        values[0]
+    }
+    #[inline(always)]
+    fn store(self, values: &mut [f64]) {
+        values[0] = self;
     }
 }
 

@@ -42,7 +42,7 @@ pub enum GridNumbers {
 }
 
 impl GridNumbers {
-    /// Both number types.
+    /// Both number types of a grid.
     pub const ALL: [Self; 2] = [Self::Integers, Self::Floats];
 
     /// The largest number B of fractional bits.
@@ -61,7 +61,7 @@ impl GridNumbers {
         }
     }
 
-    /// The name in options.
+    /// The name of the number type in options.
     pub fn name(self) -> &'static str {
         match self {
             Self::Integers => "integers",
@@ -227,7 +227,7 @@ impl<V: Lanewise, const W: u32> Integers<V, W> {
     #[inline(always)]
     fn any(places: V, magic: V) -> (V, Self) {
         let wrap = |place: f64, _| f64::from_bits(wrapped::<W>(place.to_bits() as i64) as u64);
-        let places = if W < 64 { places.pair_by_pair(places, wrap) } else { places };
+        let places = if const { W < 64 } { places.pair_by_pair(places, wrap) } else { places };
         let value = |place: f64, magic| value_of(place.to_bits() as i64, magic);
         (places.pair_by_pair(magic, value), Self { places, magic })
     }

@@ -149,7 +149,7 @@ pub trait Scalar:
         self
     }
 
-    /// Absolute value.
+    /// The absolute value |x|.
     fn abs(self) -> Self;
 
     /// True when the number is zero in every lane and in every derivative.
@@ -203,14 +203,14 @@ pub fn constant<S: Scalar>(value: f64) -> S {
 
 /// Elementary functions that Hamiltonian systems and twists need, and kicks do not.
 pub trait Elementary: Scalar {
-    /// `(sin x, cos x)`.
+    /// The sine and the cosine together, `(sin x, cos x)`.
     fn sin_cos(self) -> (Self, Self);
     /// sin x: where both are needed, [`Elementary::sin_cos`] shares their work.
     #[inline(always)]
     fn sin(self) -> Self {
         self.sin_cos().0
     }
-    /// cos x.
+    /// The cosine of an angle in radians.
     #[inline(always)]
     fn cos(self) -> Self {
         self.sin_cos().1
@@ -221,7 +221,7 @@ pub trait Elementary: Scalar {
     fn zero_with(self, factor: Self) -> Self;
     /// 1 or −1, with the sign of the real part: exact, and a constant.
     fn sign(self) -> Self;
-    /// √x; NaN below 0.
+    /// The square root √x; NaN below 0.
     fn sqrt(self) -> Self;
     /// ln x; NaN below 0.
     fn ln(self) -> Self;
@@ -258,7 +258,7 @@ pub trait Over<P>: Elementary {
     /// `self · parameter + addend`, rounded once.
     fn mul_add_parameter(self, parameter: P, addend: Self) -> Self;
 
-    /// `self · parameter`.
+    /// The product `self · parameter`.
     #[inline(always)]
     fn times(self, parameter: P) -> Self {
         self * Self::embed(parameter)

@@ -9,10 +9,10 @@ pub(crate) fn on_lanes<const L: usize, K: Kernel>(kernel: K) -> K::Output {
 }
 
 /// What stands for eight lanes where a processor of this architecture has no registers that may be
-/// used. One of x86-64 without fused multiply-adds computes each in software: wider
-/// lanes would make code, and nothing faster.
+/// used. One of x86-64 without fused multiply-adds computes each in software: more than one
+/// lane would make code, and nothing faster.
 #[cfg(target_arch = "x86_64")]
-type Portable = Lanes<2>;
+type Portable = f64;
 #[cfg(not(target_arch = "x86_64"))]
 type Portable = Lanes<WIDTH>;
 

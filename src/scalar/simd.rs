@@ -232,16 +232,17 @@ mod x86 {
     use std::hint::black_box;
     use std::ops::{Add, Div, Mul, Neg, Sub};
 
+    // With a `const` block the kernel is compiled for the one register that it is to run on, and not for both.
     #[target_feature(enable = "avx2,fma")]
     pub(super) fn on_avx2<const L: usize, K: Kernel>(kernel: K) -> K::Output {
         align_frame();
-        if L == 4 { kernel.run::<Ymm>() } else { kernel.run::<Pair<Ymm>>() }
+        if const { L == 4 } { kernel.run::<Ymm>() } else { kernel.run::<Pair<Ymm>>() }
     }
 
     #[target_feature(enable = "avx2,fma,avx512f,avx512dq,avx512vl")]
     pub(super) fn on_avx512<const L: usize, K: Kernel>(kernel: K) -> K::Output {
         align_frame();
-        if L == 4 { kernel.run::<Ymm>() } else { kernel.run::<Zmm>() }
+        if const { L == 4 } { kernel.run::<Ymm>() } else { kernel.run::<Zmm>() }
     }
 
     /// A local variable of this alignment makes the compiler align the frame, and

@@ -22,7 +22,7 @@ pub struct Tracked {
 }
 
 impl Tracked {
-    /// A number without error.
+    /// A number that counts as exact: its bound is 0.
     #[inline]
     pub fn exact(value: f64) -> Self {
         Self { value, bound: 0.0 }
@@ -80,9 +80,11 @@ impl Mul for Tracked {
     }
 }
 
+// Here and below, what a kernel has hundreds of is a call: it is one already, of `fma`, where
+// code is compiled for any processor.
 impl Div for Tracked {
     type Output = Self;
-    #[inline]
+    #[inline(never)]
     fn div(self, other: Self) -> Self {
         let quotient = self.value / other.value;
         let inherited = (self.bound + quotient.abs() * other.bound) / other.value.abs();
@@ -94,7 +96,7 @@ impl Scalar for Tracked {
     fn from_f64(value: f64) -> Self {
         Self::exact(value)
     }
-    #[inline]
+    #[inline(never)]
     fn mul_add(self, a: Self, b: Self) -> Self {
         let inherited = self.value.abs() * a.bound + a.value.abs() * self.bound + b.bound;
         Self::rounded(self.value.mul_add(a.value, b.value), inherited)
@@ -198,7 +200,7 @@ impl Over<f64> for Tracked {
     fn embed(parameter: f64) -> Self {
         Self::exact(parameter)
     }
-    #[inline]
+    #[inline(never)]
     fn mul_add_parameter(self, parameter: f64, addend: Self) -> Self {
         let inherited = parameter.abs() * self.bound + addend.bound;
         Self::rounded(self.value.mul_add(parameter, addend.value), inherited)

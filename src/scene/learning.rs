@@ -9,12 +9,12 @@ use super::setup::{ModelSpec, SeededTraining};
 use super::trained::{Trained, held_out_error, loss_of};
 use crate::error::Error;
 use crate::flow::Trajectories;
-use crate::io::{Provenance, StoredModel, earlier_checkpoint, save_checkpoint, save_model};
+use crate::io::{StoredModel, earlier_checkpoint, save_checkpoint, save_model};
 use crate::network::{Model, Rollout};
 use crate::train::{
-    Checkpoint, Control, InitialModels, Objective, Outcome, Progress, RampStage, Rings, Scheduled,
-    StageData, Stop, TrainingObserver, TrainingOptions, TrainingRecord, TrainingStage,
-    train_schedule,
+    Checkpoint, Control, Earlier, Objective, Outcome, Problem, Progress, RampStage, Scheduled,
+    StagePairs, Stop, TrainingObserver, TrainingOptions, TrainingRecord, TrainingStage,
+    fit_rotation,
 };
 use std::path::PathBuf;
 use std::rc::Rc;
@@ -129,13 +129,11 @@ fn learn_at(
     // Weights of an earlier flow time come with twists of their own, and where no stage leads
     // up there is no chart to train fresh ones in.
     options.fresh_twists = options.fresh_twists.filter(|_| !options.ramp.is_empty());
-    let options = &options;
-    let seed = scene.seed.wrapping_add(number);
     let (action, epsilon) = (target.circle_action(), target.epsilon());
     if spec.network.is_of_file() {
         return of_file(context, data, spec);
     }
-    let architecture = spec.network.architecture(&action.into(), epsilon, time)?;
+    let architecture = spec.network.architecture(&action.clone().into(), epsilon, time)?;
     let architecture =
         architecture.in_box_of(data.training.points()).with_controls(data.controls.clone());
     options.check_for(&architecture)?;
@@ -143,63 +141,54 @@ fn learn_at(
     // The check of the set-up has found them.
     let angles = target.angles(&architecture, theta, &data.training);
     let angles = angles.unwrap_or_else(|| vec![theta; architecture.circles.len()]);
-    let rings = Rings::for_start(&architecture, options, &data.training);
-    let initial = InitialModels {
-        architecture: &architecture,
-        weights: spec.weights,
-        angles: &angles,
-        seed,
-        from: from.map(|(model, earlier)| (model, time / earlier)),
-        rings: rings.as_ref(),
-        theta_fixed: options.theta_fixed,
-    };
     let mut stages = Vec::new();
     for stage in &options.ramp {
         let stage_epsilon = stage.epsilon.unwrap_or(epsilon);
         let stage_time = stage.flow_time.unwrap_or(time);
-        stages.push((
-            stage,
-            stage_epsilon,
-            stage_time,
-            context.data_at(stage_epsilon, stage_time)?,
-        ));
-    }
-    let mut places: Vec<StageData<'_>> = stages
-        .iter()
-        .map(|(stage, epsilon, stage_time, data)| StageData {
-            epsilon: *epsilon,
+        let data = context.data_at(stage_epsilon, stage_time)?;
+        stages.push(StagePairs {
+            epsilon: stage_epsilon,
             time: stage_time / time,
-            pairs: &data.training,
-            held_out: data.validation(),
+            training: data.training.clone(),
+            held_out: data.validation().cloned(),
             iterations: stage.iterations,
-        })
-        .collect();
-    let (pairs, held_out, iterations) = (&data.training, data.validation(), options.iterations);
-    places.push(StageData { epsilon, time: 1.0, pairs, held_out, iterations });
-    let mut watch = SceneWatch::new(context, &spec, options);
-    let result = train_schedule(&mut |number| initial.model(number), &places, options, &mut watch);
+        });
+    }
+    let problem = Problem {
+        network: spec.network.clone(),
+        architecture,
+        weights: spec.weights,
+        training: options.clone(),
+        nearest: vec![fit_rotation(&data.training, &action)],
+        action: action.into(),
+        angles,
+        pairs: data.training.clone(),
+        held_out: data.validation().cloned(),
+        units: data.units.clone(),
+        section: data.section.as_ref().map(|(section, _)| section.clone()),
+        region: data.region(),
+        flow_time: Some(time),
+        digest: data.training.digest(),
+        seed: scene.seed.wrapping_add(number),
+        notes: Vec::new(),
+        stages,
+        from: from.map(|(model, earlier)| Earlier { model: model.clone(), time: time / earlier }),
+    };
+    let mut watch = SceneWatch::new(context, &spec, &options);
+    let result = problem.train(&mut watch);
     let times = watch.times;
     context.add_training_times(times);
-    let Scheduled { initial, stages, outcome } = result?;
-    let (stop, best) = (outcome.stop, outcome.best);
+    let fitted = result?;
+    let (stop, best) = (fitted.outcome().stop, fitted.outcome().best);
     context.report(Event::Trained { model: &spec.name, stop, best });
     if stop == Stop::Interrupted {
         return Err(RunError::Interrupted);
     }
-    let provenance = Provenance {
-        seed: Some(seed),
-        data: Some(pairs.digest()),
-        flow_time: Some(time),
-        validation: best.validation,
-        region: data.region(),
-        ..Provenance::of(scene.name)
-    };
-    let (model, units) = (outcome.model.clone(), data.units.clone());
-    let section = data.section.as_ref().map(|(section, _)| section.clone());
-    let stored = StoredModel { model, units, section, provenance };
     if folder.writes(&spec.name) {
+        let stored = StoredModel::of_fit(&fitted, scene.name);
         save_model(&folder.file_of_model(scene, "model", &spec, ".json"), &stored)?;
     }
+    let Scheduled { initial, stages, outcome } = fitted.training;
     let held_out_error = held_out_error(&outcome, &options.loss, data.validation())?;
     Ok(Trained { spec, network, initial, stages, outcome, held_out_error })
 }

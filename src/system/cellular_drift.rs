@@ -28,7 +28,7 @@ pub struct CellularDrift {
 }
 
 impl CellularDrift {
-    /// k = 1.
+    /// The system with the wavenumber k = 1.
     pub fn new(epsilon: f64) -> Self {
         Self { epsilon, wavenumber: Self::wavenumber() }
     }

@@ -48,7 +48,7 @@ impl Coil {
         Ok(Self { cosines, sines, current, width: 0.0 })
     }
 
-    /// x(t) and dx/dt.
+    /// The point x(t) of the coil and dx/dt, in metres.
     pub fn at(&self, t: f64) -> ([f64; 3], [f64; 3]) {
         let (mut point, mut tangent) = ([0.0; 3], [0.0; 3]);
         for (k, (cosine, sine)) in self.cosines.iter().zip(&self.sines).enumerate() {
@@ -163,9 +163,9 @@ pub struct Torsatron {
     pub windings: u32,
     /// N, the field periods: a multiple of l.
     pub periods: u32,
-    /// R₀, in metres.
+    /// The major radius R₀ of the torus, in metres.
     pub major_radius: f64,
-    /// a, in metres.
+    /// The minor radius a of the torus, in metres.
     pub minor_radius: f64,
     /// The current of each winding, in amperes.
     pub current: f64,

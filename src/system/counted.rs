@@ -26,7 +26,7 @@ impl<'a, H: Hamiltonian> Counted<'a, H> {
         Self { system, slots }
     }
 
-    /// The system itself.
+    /// The system whose evaluations are counted.
     pub fn inner(&self) -> &'a H {
         self.system
     }

@@ -238,7 +238,7 @@ pub trait NaturalCoordinates: Hamiltonian {
     /// x ← the canonical coordinates of a point in natural ones.
     fn to_canonical<S: Elementary>(&self, x: &mut [S]);
 
-    /// `out` ← dx/dt.
+    /// Computes the vector field in these coordinates, `out` ← dx/dt.
     fn natural_field<S: Elementary>(&self, x: &[S], time: f64, out: &mut [S]);
 }
 
@@ -302,7 +302,7 @@ macro_rules! each_system {
 pub(crate) use each_system;
 
 impl System {
-    /// Its name in scenes.
+    /// The name of the kind of system in scenes.
     pub fn kind(&self) -> &'static str {
         match self {
             Self::Oscillators(_) => "oscillators",

@@ -21,13 +21,13 @@ pub struct Oscillators {
 }
 
 impl Oscillators {
-    /// U(q₁, q₂).
+    /// The coupling U(q₁, q₂) of the two oscillators.
     pub fn coupling<S: Elementary>(q1: S, q2: S) -> S {
         let two = S::from_f64(2.0);
         q1 * q2 * (two * (q1 + q2)).sin_cos().0
     }
 
-    /// (∂U/∂q₁, ∂U/∂q₂).
+    /// The gradient of the coupling, (∂U/∂q₁, ∂U/∂q₂).
     #[inline(always)]
     pub fn coupling_gradient<S: Elementary>(q1: S, q2: S) -> (S, S) {
         let two = S::from_f64(2.0);

@@ -40,7 +40,7 @@ impl FieldProfile {
         }
     }
 
-    /// (V(Q), V′(Q)).
+    /// The profile and its slope, (V(Q), V′(Q)).
     #[inline(always)]
     pub fn value_and_slope<S: Elementary>(self, x: S) -> (S, S) {
         match self {

@@ -85,7 +85,7 @@ impl ActionFit {
         Ok(Self { angles, candidates })
     }
 
-    /// The chosen action.
+    /// The action whose rotation is nearest to the pairs.
     pub fn action(&self) -> &CircleAction {
         &self.candidates[0].0
     }

@@ -19,12 +19,12 @@ use std::ops::{ControlFlow, Range};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct AdamOptions {
-    /// The initial learning rate.
+    /// The learning rate of the first iterations.
     pub rate: f64,
     /// The largest norm of the gradient of a tensor (W, b, w, η of a layer, θ); a larger gradient
     /// is scaled to this norm. 0 scales none.
     pub clip: f64,
-    /// Pairs of a batch.
+    /// The number of pairs in a batch.
     pub batch: usize,
     /// The factor on the rate when the loss of an epoch, the mean of the batches' sums, has not
     /// fallen by 1e-4 for `plateau` epochs.

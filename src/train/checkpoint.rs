@@ -94,12 +94,12 @@ impl Checkpoint {
         Some(Resumed { state, place: self.place().to_owned(), iteration: self.last().iteration })
     }
 
-    /// The newest record.
+    /// The record of the newest iteration.
     pub fn last(&self) -> TrainingRecord {
         self.history.last().copied().unwrap_or(self.best)
     }
 
-    /// All records so far.
+    /// The records of all iterations so far.
     pub fn history(&self) -> &[TrainingRecord] {
         &self.history
     }

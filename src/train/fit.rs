@@ -396,8 +396,21 @@ impl Fit {
             };
             let pairs = FamilyPairs { pairs: data.pairs.thinned(ActionTrial::PAIRS), ..*data };
             let problem = fit.with_circles(pairs, action.clone(), None, Vec::new())?;
-            let mut trying = Trying { watch, ended: None };
-            let fitted = match (problem.train(&mut trying), trying.ended) {
+            // What it ended with, before its end.
+            let mut ended = None;
+            let mut trying = |_: TrainingStage, _: Progress<'_>| {
+                if ended.is_none() {
+                    ended = match watch() {
+                        Ok(Control::Continue) => return Ok(Control::Continue),
+                        Ok(_) => {
+                            Some(Error::Stopped { what: "the circle action of the pairs".into() })
+                        }
+                        Err(error) => Some(error),
+                    };
+                }
+                Ok(Control::Interrupt)
+            };
+            let fitted = match (problem.train(&mut trying), ended) {
                 (_, Some(ended)) => return Err(ended),
                 // An action that nothing can be trained with is not that of the pairs.
                 (Err(Error::Diverged { .. }), None) => return Ok(f64::NAN),
@@ -576,6 +589,7 @@ impl Fit {
             seed: self.seed,
             notes,
             stages,
+            from: None,
         })
     }
 
@@ -637,11 +651,11 @@ impl Fit {
     /// # Errors
     /// Those of [`Fit::prepare`] and [`Problem::train`].
     pub fn run(&self, data: impl Into<FamilyPairs>) -> Result<Fitted, Error> {
-        self.prepare(data)?.train(&mut Unobserved)
+        self.run_observed(data, &mut |_: TrainingStage, _: Progress<'_>| Ok(Control::Continue))
     }
 
     /// [`Fit::run`] with an observer, which may keep checkpoints, resume from one, or stop the
-    /// training.
+    /// training: a function of the stage and its progress, or `io::Checkpoints`, which keep it in files.
     ///
     /// # Errors
     /// Those of [`Fit::run`] and of the observer.
@@ -656,41 +670,6 @@ impl Fit {
 
 /// Says whether to go on.
 type Watch<'a> = dyn FnMut() -> Result<Control, Error> + 'a;
-
-/// A short training that somebody watches.
-struct Trying<'a, 'b> {
-    watch: &'a mut Watch<'b>,
-    /// What it ended with, before its end.
-    ended: Option<Error>,
-}
-
-impl TrainingObserver for Trying<'_, '_> {
-    fn earlier(&mut self, _: TrainingStage) -> Result<Option<super::Checkpoint>, Error> {
-        Ok(None)
-    }
-    fn observe(&mut self, _: TrainingStage, _: Progress<'_>) -> Result<Control, Error> {
-        if self.ended.is_none() {
-            self.ended = match (self.watch)() {
-                Ok(Control::Continue) => return Ok(Control::Continue),
-                Ok(_) => Some(Error::Stopped { what: "the circle action of the pairs".into() }),
-                Err(error) => Some(error),
-            };
-        }
-        Ok(Control::Interrupt)
-    }
-}
-
-/// An observer that lets a training run to its end.
-struct Unobserved;
-
-impl TrainingObserver for Unobserved {
-    fn earlier(&mut self, _: TrainingStage) -> Result<Option<super::Checkpoint>, Error> {
-        Ok(None)
-    }
-    fn observe(&mut self, _: TrainingStage, _: Progress<'_>) -> Result<Control, Error> {
-        Ok(Control::Continue)
-    }
-}
 
 /// The ε and the flow time of the network, among those of the maps that the pairs are of.
 struct Family {
@@ -734,7 +713,7 @@ impl Family {
         time: f64,
         pairs: &Pairs,
         held_out: Option<&Pairs>,
-    ) -> Result<RampPairs, Error> {
+    ) -> Result<StagePairs, Error> {
         let (epsilon, own) =
             (stage.epsilon.unwrap_or(self.epsilon), stage.flow_time.unwrap_or(time));
         let share = own / time;
@@ -765,34 +744,47 @@ impl Family {
             Error::invalid("training.ramp", found, expected)
         })?;
         let held_out = held_out.and_then(of);
-        Ok(RampPairs { epsilon, time: share, training, held_out, iterations: stage.iterations })
+        Ok(StagePairs { epsilon, time: share, training, held_out, iterations: stage.iterations })
     }
 }
 
-/// The pairs of a stage of a ramp.
+/// A stage of a ramp with pairs of its own.
 #[derive(Clone, Debug)]
-struct RampPairs {
-    epsilon: f64,
-    time: f64,
-    training: Pairs,
-    held_out: Option<Pairs>,
-    iterations: u64,
+pub struct StagePairs {
+    /// The ε of its pairs.
+    pub epsilon: f64,
+    /// Their flow time divided by that of the network.
+    pub time: f64,
+    /// The pairs that the stage is trained on.
+    pub training: Pairs,
+    /// The pairs that the stage chooses its best model by.
+    pub held_out: Option<Pairs>,
+    /// The largest number of iterations of the stage.
+    pub iterations: u64,
+}
+
+/// A model of an earlier flow time, whose weights a training takes over.
+#[derive(Clone, Debug)]
+pub struct Earlier {
+    /// The model that the weights are taken from.
+    pub model: Model,
+    /// The flow time of the training divided by that of the model.
+    pub time: f64,
 }
 
 /// Initial models of one architecture.
 #[derive(Clone, Copy, Debug)]
 pub struct InitialModels<'a> {
-    /// The architecture.
+    /// The architecture that all initial models have.
     pub architecture: &'a Architecture,
-    /// How weights are drawn.
+    /// The distribution that weights are drawn from.
     pub weights: InitialWeights,
     /// The angles of the circles; empty for networks without circles.
     pub angles: &'a [f64],
     /// The seed of the training.
     pub seed: u64,
-    /// A model whose weights the first start takes over, and the factor on its angles: the ratio of
-    /// the flow times.
-    pub from: Option<(&'a Model, f64)>,
+    /// A model whose weights the first start takes over.
+    pub from: Option<&'a Earlier>,
     /// The initial rotation of the slow map, where it is known.
     pub rings: Option<&'a Rings>,
     /// Whether the angles stay fixed.
@@ -809,7 +801,7 @@ impl InitialModels<'_> {
         let model = self.architecture.initialise(self.weights, 0.0, seed)?;
         let model = model.with_polynomials_at_rest()?.with_angles(self.angles)?;
         match (self.from, self.rings) {
-            (Some((from, time)), _) if number == 0 => model.with_weights_of(from, time),
+            (Some(from), _) if number == 0 => model.with_weights_of(&from.model, from.time),
             (_, Some(rings)) => rings.start(&model, self.theta_fixed),
             _ => Ok(model),
         }
@@ -821,7 +813,7 @@ impl InitialModels<'_> {
 pub struct Problem {
     /// The network, as it was asked for or chosen.
     pub network: NetworkSpec,
-    /// Its architecture.
+    /// The architecture of the network.
     pub architecture: Architecture,
     /// How its weights are drawn.
     pub weights: InitialWeights,
@@ -835,7 +827,7 @@ pub struct Problem {
     pub angles: Vec<f64>,
     /// The training pairs, in units of the network.
     pub pairs: Pairs,
-    /// The held-out pairs.
+    /// The pairs that choose the best model, in units of the network.
     pub held_out: Option<Pairs>,
     /// The units of the data, where they differ from those of `pairs`.
     pub units: Option<Units>,
@@ -847,11 +839,14 @@ pub struct Problem {
     pub flow_time: Option<f64>,
     /// SHA-256 of the pairs, as they were given.
     pub digest: String,
-    /// The seed.
+    /// The seed of the weights and of the held-out choice.
     pub seed: u64,
     /// What was found or chosen.
     pub notes: Vec<FitNote>,
-    stages: Vec<RampPairs>,
+    /// The stages of the ramp that `training` has.
+    pub stages: Vec<StagePairs>,
+    /// The model that the first start takes its weights from.
+    pub from: Option<Earlier>,
 }
 
 impl Problem {
@@ -867,7 +862,7 @@ impl Problem {
             weights: self.weights,
             angles: if has_circle { &self.angles } else { &[] },
             seed: self.seed,
-            from: None,
+            from: self.from.as_ref(),
             rings: rings.as_ref(),
             theta_fixed: self.training.theta_fixed,
         };

@@ -75,7 +75,7 @@ impl Limit {
 /// Orbits of a network from some points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Orbits {
-    /// How many.
+    /// The number of orbits.
     pub count: usize,
     /// The number of orbits that leave the box by more than half of its width, or whose points are
     /// no longer finite.
@@ -155,7 +155,7 @@ pub struct Judgement {
     pub worst: usize,
     /// The root mean square error of all planes over that of the nearest rotation.
     pub share_beyond_rotation: f64,
-    /// What limits the error.
+    /// What limits the error of the model.
     pub limit: Limit,
     /// The orbits that leave the box of the pairs; None if there are no pairs.
     pub orbits: Option<Orbits>,

@@ -11,7 +11,7 @@
 //! - `judgement`: whether to trust a trained network, and what limits its error.
 //! - `prepare`, `reading`, `action_fit`, `action_trial`, `rotation_fit`, `units_fit`: the circle action, θ and the
 //!   units of data for which they are not known.
-//! - `fit`: from pairs to a model.
+//! - `fit`, `fit_options`: from pairs to a model, and what callers may ask for.
 //! - `polynomial_fit`: from pairs to a symplectic polynomial, without training.
 
 mod action_fit;
@@ -20,6 +20,7 @@ mod adam;
 mod checkpoint;
 mod control_options;
 mod fit;
+mod fit_options;
 mod judgement;
 mod kernels;
 mod lbfgs;
@@ -45,7 +46,8 @@ pub use action_trial::ActionTrial;
 pub use adam::AdamOptions;
 pub use checkpoint::Checkpoint;
 pub use control_options::ControlOptions;
-pub use fit::{FamilyPairs, Fit, FitNote, Fitted, InitialModels, Problem};
+pub use fit::{Earlier, FamilyPairs, Fit, FitNote, Fitted, InitialModels, Problem, StagePairs};
+pub use fit_options::{FitOptions, Recipe};
 pub use judgement::{Judgement, Limit, Orbits, PlaneError, Trust};
 pub use lbfgs::{LbfgsOptions, Scaling};
 pub use levenberg_marquardt::LevenbergMarquardtOptions;

@@ -27,7 +27,27 @@ impl Default for Optimiser {
 }
 
 impl Optimiser {
-    /// Its usual name.
+    /// The optimiser of a name, `lm`, `l-bfgs` or `adam`, with its default options.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] with the name, where there is none of it.
+    pub fn named(name: &str) -> Result<Self, Error> {
+        match name {
+            "lm" | "levenberg-marquardt" => {
+                Ok(Self::LevenbergMarquardt(LevenbergMarquardtOptions::default()))
+            }
+            "l-bfgs" | "lbfgs" => Ok(Self::Lbfgs(LbfgsOptions::default())),
+            "adam" => Ok(Self::Adam(AdamOptions::default())),
+            _ => Err(Error::invalid("optimiser", name, "l-bfgs, lm or adam")),
+        }
+    }
+
+    /// Whether a plateau of its error says that nothing is left to gain, so that training ends there by default.
+    pub(super) fn comes_to_rest(&self) -> bool {
+        matches!(self, Self::LevenbergMarquardt(_))
+    }
+
+    /// The usual name of the optimiser.
     pub fn name(&self) -> &'static str {
         match self {
             Self::Lbfgs(_) => "L-BFGS",
@@ -76,14 +96,14 @@ impl Optimiser {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Plateau {
-    /// Iterations of a window.
+    /// The number of iterations of a window.
     pub iterations: u64,
     /// The share by which the error has to fall in a window, 0 to 1.
     pub improvement: f64,
 }
 
 impl Plateau {
-    /// The window of [`Plateau::default`].
+    /// The window of [`Plateau::default`], in iterations.
     pub const ITERATIONS: u64 = 50;
 
     /// Windows of this many iterations and an improvement of a tenth in each; None for 0.
@@ -104,7 +124,7 @@ impl Default for Plateau {
     }
 }
 
-/// How to train.
+/// How a network is trained on pairs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TrainingOptions {
@@ -120,7 +140,7 @@ pub struct TrainingOptions {
     /// the initial angle; in a schedule, that at the start of each stage.
     #[serde(skip_serializing_if = "is_zero")]
     pub theta_penalty: f64,
-    /// The optimiser.
+    /// The optimiser that minimises the loss.
     pub optimiser: Optimiser,
     /// The largest number of iterations; for Adam, of epochs.
     pub iterations: u64,
@@ -138,7 +158,7 @@ pub struct TrainingOptions {
     pub plateau: Option<Plateau>,
     /// Stop when the largest entry of the gradient is at most this.
     pub gradient_tolerance: f64,
-    /// Iterations between checkpoints.
+    /// The number of iterations between two checkpoints.
     pub checkpoint_every: u64,
     /// Several sets of initial weights, of which the best is trained further: see
     /// [`train_schedule`](super::train_schedule).

@@ -72,7 +72,7 @@ pub struct PolynomialTrial {
 /// A polynomial that was fitted.
 #[derive(Clone, Debug)]
 pub struct FittedPolynomial {
-    /// The map.
+    /// The fitted polynomial, with its section and box.
     pub map: PolynomialOnSection,
     /// The degrees that were tried, without those of which Newton's method found no images.
     pub trials: Vec<PolynomialTrial>,
@@ -80,7 +80,7 @@ pub struct FittedPolynomial {
     pub pairs: usize,
     /// How many were held out.
     pub held_out: usize,
-    /// SHA-256 of the pairs.
+    /// The SHA-256 of the pairs that it was fitted to.
     pub digest: String,
     /// What is to be said of the pairs.
     pub notes: Vec<FitNote>,

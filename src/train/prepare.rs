@@ -14,7 +14,7 @@ pub struct Preparation<'a> {
     pub place: &'a str,
     /// The circle action of the limit ε = 0.
     pub action: &'a TorusAction,
-    /// ε of the network.
+    /// The ε that the network is built with.
     pub epsilon: f64,
     /// The flow time of the network, where it is known.
     pub flow_time: Option<f64>,
@@ -36,7 +36,7 @@ pub struct Preparation<'a> {
 /// Pairs in the coordinates of a network, with its initial angles and flow time.
 #[derive(Clone, Debug)]
 pub struct Prepared {
-    /// The training pairs.
+    /// The pairs to train on, in units of the network.
     pub pairs: Pairs,
     /// The held-out pairs, if there are any.
     pub held_out: Option<Pairs>,

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 /// Where training stands after an iteration.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TrainingRecord {
-    /// Iterations done.
+    /// The number of iterations that were done.
     pub iteration: u64,
     /// Evaluations of the loss, with its gradient or without; for Adam, passes over the training
     /// pairs.
@@ -25,7 +25,7 @@ pub struct TrainingRecord {
     pub validation: Option<f64>,
 }
 
-/// Why training ended.
+/// The reason why a training ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Stop {

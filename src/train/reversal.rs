@@ -15,7 +15,7 @@ const KNOWN: f64 = 1e-3;
 /// to them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReversalDefect {
-    /// The reflection S.
+    /// The reflection S that was tried.
     pub reversor: Reversor,
     /// The median of |F(Sw) − Sz| over pairs, in units of the root mean square motion |w − z|.
     pub median: f64,

@@ -14,9 +14,9 @@ use crate::network::Model;
 use std::ops::ControlFlow;
 
 /// What is reported to the caller after each iteration.
-#[derive(Debug)]
+#[derive(Clone, Copy, Debug)]
 pub struct Progress<'a> {
-    /// The newest record.
+    /// The record of the newest iteration.
     pub record: TrainingRecord,
     /// A checkpoint, when one is due.
     pub checkpoint: Option<&'a Checkpoint>,
@@ -31,7 +31,7 @@ pub enum Control {
     Interrupt,
 }
 
-/// The result of training.
+/// What a training has come to.
 #[derive(Clone, Debug)]
 pub struct Outcome {
     /// The model with the lowest held-out error (loss, without held-out
@@ -39,14 +39,14 @@ pub struct Outcome {
     pub model: Model,
     /// Its loss on all training pairs.
     pub loss: f64,
-    /// Its record.
+    /// The record of the iteration that it is of.
     pub best: TrainingRecord,
     /// The records of all iterations.
     pub history: Vec<TrainingRecord>,
     /// How often the curvature was evaluated: its diagonal by L-BFGS, the Gauss–Newton
     /// matrix by Levenberg–Marquardt.
     pub curvatures: u64,
-    /// Why it ended.
+    /// The reason why the training ended.
     pub stop: Stop,
 }
 

@@ -21,11 +21,11 @@ pub struct StageData<'a> {
     pub epsilon: f64,
     /// Its flow time divided by that of the last place.
     pub time: f64,
-    /// Its training pairs.
+    /// The pairs that the stage is trained on.
     pub pairs: &'a Pairs,
-    /// Its held-out pairs.
+    /// The pairs that the stage chooses its best model by.
     pub held_out: Option<&'a Pairs>,
-    /// Its iterations.
+    /// The largest number of iterations of the stage.
     pub iterations: u64,
 }
 
@@ -91,7 +91,7 @@ impl TrainingStage {
 pub struct StageResult {
     /// The stage that it is the result of.
     pub stage: TrainingStage,
-    /// ε of its pairs.
+    /// The ε of the pairs of the stage.
     pub epsilon: f64,
     /// The flow time of its pairs divided by that of the last stage.
     pub time: f64,
@@ -127,6 +127,19 @@ pub trait TrainingObserver {
     /// # Errors
     /// When a checkpoint cannot be written.
     fn observe(&mut self, stage: TrainingStage, progress: Progress<'_>) -> Result<Control, Error>;
+}
+
+/// A function that is called after each iteration, without checkpoints.
+impl<F> TrainingObserver for F
+where
+    F: FnMut(TrainingStage, Progress<'_>) -> Result<Control, Error>,
+{
+    fn earlier(&mut self, _: TrainingStage) -> Result<Option<Checkpoint>, Error> {
+        Ok(None)
+    }
+    fn observe(&mut self, stage: TrainingStage, progress: Progress<'_>) -> Result<Control, Error> {
+        self(stage, progress)
+    }
 }
 
 /// Trains from several starts and along a ramp, as the options ask.

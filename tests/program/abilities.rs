@@ -601,13 +601,12 @@ impl Watch {
 
 impl TrainingObserver for Watch {
     fn earlier(&mut self, stage: TrainingStage) -> Result<Option<Checkpoint>, Error> {
-        self.checkpoints.as_ref().map_or(Ok(None), |checkpoints| checkpoints.earlier(stage))
+        self.checkpoints.as_mut().map_or(Ok(None), |checkpoints| checkpoints.earlier(stage))
     }
 
     fn observe(&mut self, stage: TrainingStage, progress: Progress<'_>) -> Result<Control, Error> {
-        if let (Some(checkpoints), Some(checkpoint)) = (&mut self.checkpoints, progress.checkpoint)
-        {
-            checkpoints.save(stage, checkpoint)?;
+        if let Some(checkpoints) = &mut self.checkpoints {
+            checkpoints.observe(stage, progress)?;
         }
         self.seen.push(progress.record.iteration);
         let stops = self.stops_at == progress.record.iteration;

@@ -25,10 +25,10 @@ pub enum SourceLanguage {
 }
 
 impl SourceLanguage {
-    /// All of them.
+    /// All languages that a map is exported to.
     pub const ALL: [Self; 3] = [Self::C, Self::Jax, Self::Torch];
 
-    /// Its name.
+    /// The name of the language in options.
     pub fn name(self) -> &'static str {
         match self {
             Self::C => "c",

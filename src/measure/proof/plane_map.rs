@@ -83,22 +83,22 @@ impl Function for Slope {
                     let s = one.minus(t.times(t));
                     let mut next = s.scaled(w).scaled(a);
                     out[0] = out[0].plus(next);
-                    if K > 1 {
+                    if const { K > 1 } {
                         // s′ = −2ts.
                         next = next.scaled(a);
                         out[1] = out[1].plus(next.times(t).scaled(-2.0));
                     }
-                    if K > 2 {
+                    if const { K > 2 } {
                         // s″ = s(4 − 6s), s‴ = −2ts(4 − 12s).
                         next = next.scaled(a);
                         let bent = N::of(4.0).minus(s.scaled(6.0));
                         out[2] = out[2].plus(next.times(bent));
-                        if K > 3 {
+                        if const { K > 3 } {
                             let bent = N::of(-8.0).plus(s.scaled(24.0));
                             next = next.scaled(a);
                             out[3] = out[3].plus(next.times(t).times(bent));
                         }
-                        if K > 4 {
+                        if const { K > 4 } {
                             // s⁗ = s(16 − 120s + 120s²).
                             let bent = N::of(16.0).plus(s.times(s.minus(one)).scaled(120.0));
                             out[4] = out[4].plus(next.scaled(a).times(bent));
@@ -107,7 +107,7 @@ impl Function for Slope {
                 }
                 if *linear != 0.0 {
                     out[0] = out[0].plus(x.scaled(*linear));
-                    if K > 1 {
+                    if const { K > 1 } {
                         out[1] = out[1].plus(N::of(*linear));
                     }
                 }
@@ -158,7 +158,7 @@ impl Function for Slope {
             }
             Self::Linear(factor) => {
                 out[0] = x.scaled(*factor);
-                if K > 1 {
+                if const { K > 1 } {
                     out[1] = N::of(*factor);
                 }
             }

@@ -273,7 +273,7 @@ impl Number for Taylor {
     fn through<const K: usize>(self, function: &impl Function) -> [Self; K] {
         let r = self.remainder;
         let x = self.polynomial();
-        let exact: [Self; 4] = if K > 1 {
+        let exact: [Self; 4] = if const { K > 1 } {
             function.derivatives(x)
         } else {
             let [f, slope] = function.derivatives(x);
