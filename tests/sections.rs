@@ -1191,6 +1191,67 @@ fn polynomials_on_a_section_can_be_stopped_and_do_not_depend_on_the_pace() {
     assert!(refused.expect_err("controls").to_string().contains("depends on controls"));
 }
 
+/// Each plane has a chart of its own: the maps of data keep Σ ρ_j dx_j∧dy_j.
+#[test]
+fn several_planes_have_charts_of_their_own() {
+    let rho = [|x: f64, _: f64| 1.0 + 0.3 * x, |_: f64, y: f64| 1.0 - 0.2 * y];
+    let chart = |j: usize| {
+        AreaDensity::of_function(rho[j], [-2.0, -2.0], [2.0, 2.0], 1.0).expect("a density")
+    };
+    let section = Section::new(vec![Some(chart(0)), Some(chart(1))]).expect("two planes");
+    // Turns by angles that depend on both radii; the sums are of one Hamiltonian.
+    let twist = |z: &mut [f64]| {
+        let squares = [z[0] * z[0] + z[2] * z[2], z[1] * z[1] + z[3] * z[3]];
+        let angles =
+            [0.7 - 0.2 * squares[0] - 0.1 * squares[1], 0.4 - 0.1 * squares[0] - 0.15 * squares[1]];
+        for j in 0..2 {
+            let (s, c) = angles[j].sin_cos();
+            (z[j], z[2 + j]) = (c * z[j] + s * z[2 + j], c * z[2 + j] - s * z[j]);
+        }
+    };
+    let canonical = pairs_of(2, 500, 0.5, twist);
+    let [mut input, mut output] = [canonical.input().to_vec(), canonical.output().to_vec()];
+    section.to_data(&mut input);
+    section.to_data(&mut output);
+    let mut back = input.clone();
+    section.to_canonical(&mut back);
+    let errors = back.iter().zip(canonical.input()).map(|(a, b)| (a - b).abs());
+    assert!(errors.fold(0.0, max_or_nan) < 1e-13);
+    let pairs = Pairs::new("pairs", 2, input, output).expect("pairs");
+    let fit = |section| {
+        PolynomialOnSection::fit(&pairs, 7, &Symmetries::default(), section).expect("a map")
+    };
+    let form = |z: &[f64], a: usize, b: usize| match (a, b) {
+        (0, 2) | (1, 3) => rho[a](z[a], z[b]),
+        (2, 0) | (3, 1) => -rho[b](z[b], z[a]),
+        _ => 0.0,
+    };
+    let defect = |map: &PolynomialOnSection| {
+        let defects = pairs.input().chunks_exact(4).take(40).map(|z| {
+            let (image, jacobian) = map.with_jacobian(z);
+            let mut worst: f64 = 0.0;
+            for a in 0..4 {
+                for b in 0..4 {
+                    let mut sum = -form(z, a, b);
+                    for i in 0..4 {
+                        for k in 0..4 {
+                            sum += jacobian[4 * i + a] * form(&image, i, k) * jacobian[4 * k + b];
+                        }
+                    }
+                    worst = max_or_nan(worst, sum.abs());
+                }
+            }
+            worst
+        });
+        defects.fold(0.0, max_or_nan)
+    };
+    let both = fit(Some(section));
+    assert!(both.map().error_on(&canonical) < 1e-3);
+    assert!(defect(&both) < 1e-12, "{:e}", defect(&both));
+    let one = fit(Some(Section::new(vec![Some(chart(0)), None]).expect("a plane")));
+    assert!(defect(&one) > 1e-3 && defect(&fit(None)) > 1e-3);
+}
+
 /// A polynomial comes back from its file with the same bits, and from no other bytes than it wrote.
 #[test]
 fn polynomials_come_back_from_their_files() {

@@ -415,10 +415,11 @@ pub struct Train {
     /// turn in circles, kept with the model and undone wherever it is used, or those of the data.
     #[arg(long, value_enum, default_value_t = UnitsOf::Fitted)]
     pub units: UnitsOf,
-    /// Of pairs of one degree of freedom whose columns x, y have the area form ρ dx∧dy, such as R, Z of a magnetic
-    /// field with ρ = B_φ: an .npz file of ρ on a grid, with arrays x, y and density (a row for each y); of a ρ that
-    /// depends on controls, linearly, with a grid for each row of an array lambda, whose columns are those of
-    /// --controls. The model is trained in canonical coordinates, keeps the chart, and predicts x, y.
+    /// Of pairs whose columns x, y have the area form ρ dx∧dy, such as R, Z of a magnetic field with ρ = B_φ: an .npz
+    /// file of ρ on a grid, with arrays x, y and density (a row for each y); of several planes with arrays x1, y1,
+    /// density1, x2 and so on, where planes without them are canonical; of a ρ that depends on controls, linearly, with
+    /// a grid for each row of an array lambda, whose columns are those of --controls. The model is trained in canonical
+    /// coordinates, keeps the chart, and predicts x, y.
     #[arg(long, value_name = "FILE.npz")]
     pub section: Option<PathBuf>,
     /// The names of the controls that the pairs depend on, whose values are the columns of the array `lambda`
@@ -485,8 +486,7 @@ pub struct Fit {
     /// the coefficients. So does the map of a ring without skew fields, with its vertical plane.
     #[arg(long, value_name = "PLANE,…", value_delimiter = ',', allow_negative_numbers = true)]
     pub mirrored: Vec<i64>,
-    /// Of pairs of one degree of freedom whose columns x, y have the area form ρ dx∧dy: the file of ρ, as for
-    /// `train`, without controls.
+    /// Of pairs whose columns x, y have the area form ρ dx∧dy: the file of ρ, as for `train`, without controls.
     #[arg(long, value_name = "FILE.npz")]
     pub section: Option<PathBuf>,
     /// The share of the pairs to hold out.

@@ -180,9 +180,12 @@ pub fn parse_pairs(place: &str, bytes: Vec<u8>) -> Result<PairsFile, Error> {
     Ok(PairsFile { pairs, has_epsilons, has_times, controls: count, unused, single_precision })
 }
 
-/// Reads the chart of a section of one degree of freedom from an `.npz` file: `x` (A) and `y` (B), in increasing order,
-/// and `density` (B, A), the values of ρ on this grid. The optional `scale`, one number, is what ∫ρ dx is divided by;
-/// it is 1 by default.
+/// Reads the charts of a section from an `.npz` file: `x` (A) and `y` (B), in increasing order, and `density` (B, A), the
+/// values of ρ on this grid. The optional `scale`, one number, is what ∫ρ dx is divided by; it is 1 by default.
+///
+/// For several degrees of freedom the arrays of plane j, counted from 1, are `xj`, `yj` and `densityj`. A plane without
+/// them has canonical columns. The optional `planes`, one number, is that of the degrees of freedom, unless it is that
+/// of the last plane with a density.
 ///
 /// A density that depends on controls, linearly, is given at several of their values: `lambda` (L) or (L, controls),
 /// and `density` (L, B, A).
@@ -193,61 +196,119 @@ pub fn parse_pairs(place: &str, bytes: Vec<u8>) -> Result<PairsFile, Error> {
 pub fn read_section(path: &Path) -> Result<Section, Error> {
     let place = path.display().to_string();
     let mut archive = Archive::open(&place, read_bytes(path)?)?;
-    let [x, y, density] = ["x", "y", "density"].map(|name| archive.array(name));
-    let (x, y, density) = (x?.values, y?.values, density?);
-    let has = |name: &str| archive.names().iter().any(|found| found == name);
-    let (has_scale, has_controls) = (has("scale"), has("lambda"));
-    let scale = match has_scale {
-        false => 1.0,
-        true => {
-            let values = archive.array("scale")?.values;
-            Error::check_count(&format!("{place}: scale: numbers"), 1, values.len())?;
-            values[0]
+    let names = archive.names();
+    let has = |name: &str| names.iter().any(|found| found == name);
+    let scale = if has("scale") { one_number(&mut archive, &place, "scale")? } else { 1.0 };
+    let controls = match has("lambda") {
+        true => Some(SectionControls::read(&mut archive, &place)?),
+        false => None,
+    };
+    let numbered = |j: &usize| has(&format!("density{j}"));
+    let planes = match (1..=MOST_PLANES).rev().find(numbered).filter(|_| !has("density")) {
+        None => vec![Some(read_plane(&mut archive, &place, "", scale, controls.as_ref())?)],
+        Some(last) => {
+            let mut count = last;
+            if has("planes") {
+                let given = one_number(&mut archive, &place, "planes")?;
+                count = given as usize;
+                if !(given == count as f64 && (last..=MOST_PLANES).contains(&count)) {
+                    let expected = format!("a whole number from {last} to {MOST_PLANES}");
+                    return Err(Error::content(format!("{place}: planes"), expected, given));
+                }
+            }
+            let mut plane = |j: usize| {
+                if !numbered(&j) {
+                    return Ok(None);
+                }
+                let suffix = j.to_string();
+                read_plane(&mut archive, &place, &suffix, scale, controls.as_ref()).map(Some)
+            };
+            (1..=count).map(&mut plane).collect::<Result<_, _>>()?
         }
     };
+    let origin = controls.map_or_else(Vec::new, |controls| controls.origin);
+    Section::of_controls(planes, &origin).map_err(|e| e.with_place(&place))
+}
+
+/// The largest number of planes that [`read_section`] looks for.
+const MOST_PLANES: usize = 16;
+
+/// The only number of an array.
+fn one_number(archive: &mut Archive, place: &str, name: &str) -> Result<f64, Error> {
+    let values = archive.array(name)?.values;
+    Error::check_count(&format!("{place}: {name}: numbers"), 1, values.len())?;
+    Ok(values[0])
+}
+
+/// The values of controls at which a file gives a density.
+struct SectionControls {
+    /// Row by row: (rows, controls).
+    values: Vec<f64>,
+    rows: usize,
+    /// Their mean.
+    origin: Vec<f64>,
+}
+
+impl SectionControls {
+    fn read(archive: &mut Archive, place: &str) -> Result<Self, Error> {
+        let lambda = archive.array("lambda")?;
+        let (rows, controls) = match lambda.shape[..] {
+            [rows] => (rows, 1),
+            [rows, controls] => (rows, controls),
+            _ => {
+                let expected = "shape (L) or (L, controls)";
+                let found = format!("{:?}", lambda.shape);
+                return Err(Error::content(format!("{place}: lambda"), expected, found));
+            }
+        };
+        let most = Controls::MOST;
+        Error::check_count_range(&format!("{place}: lambda: controls"), controls, 1, most)?;
+        Error::check_count_range(&format!("{place}: lambda: rows"), rows, 1, usize::MAX)?;
+        let values = lambda.values;
+        // Where a density that is linear is positive if it is so at all rows.
+        let mean = |of: usize| values.iter().skip(of).step_by(controls).sum::<f64>() / rows as f64;
+        let origin = (0..controls).map(mean).collect();
+        Ok(Self { values, rows, origin })
+    }
+}
+
+/// The density of a plane, whose arrays have this suffix.
+fn read_plane(
+    archive: &mut Archive,
+    place: &str,
+    suffix: &str,
+    scale: f64,
+    controls: Option<&SectionControls>,
+) -> Result<AreaDensity, Error> {
+    let [x, y, density] = ["x", "y", "density"].map(|name| format!("{name}{suffix}"));
+    let (x, y, grids) =
+        (archive.array(&x)?.values, archive.array(&y)?.values, archive.array(&density)?);
     let (rows, columns) = (y.len(), x.len());
-    let check_shape = |wanted: &[usize], text: String| match density.shape == wanted {
-        true => Ok(()),
-        false => {
-            let found = format!("{:?}", density.shape);
-            Err(Error::content(format!("{place}: density"), text, found))
-        }
-    };
-    if !has_controls {
-        check_shape(
-            &[rows, columns],
+    let (wanted, text) = match controls {
+        None => (
+            vec![rows, columns],
             format!(
                 "shape ({rows}, {columns}), a row for each y, or an array `lambda` of controls"
             ),
-        )?;
-        let chart = AreaDensity::of_grid(&x, &y, &density.values, scale);
-        return Ok(Section::of_plane(chart.map_err(|e| e.with_place(&place))?));
+        ),
+        Some(SectionControls { rows: machines, .. }) => (
+            vec![*machines, rows, columns],
+            format!(
+                "shape ({machines}, {rows}, {columns}), a grid for each value of `lambda`, with a row for each y"
+            ),
+        ),
+    };
+    let place = format!("{place}: {density}");
+    if grids.shape != wanted {
+        return Err(Error::content(place, text, format!("{:?}", grids.shape)));
     }
-    let lambda = archive.array("lambda")?;
-    let (machines, controls) = match lambda.shape[..] {
-        [machines] => (machines, 1),
-        [machines, controls] => (machines, controls),
-        _ => {
-            let expected = "shape (L) or (L, controls)";
-            let found = format!("{:?}", lambda.shape);
-            return Err(Error::content(format!("{place}: lambda"), expected, found));
+    let chart = match controls {
+        None => AreaDensity::of_grid(&x, &y, &grids.values, scale),
+        Some(SectionControls { values, origin, .. }) => {
+            AreaDensity::of_grids(&x, &y, &grids.values, scale, values, origin)
         }
     };
-    check_shape(
-        &[machines, rows, columns],
-        format!(
-            "shape ({machines}, {rows}, {columns}), a grid for each value of `lambda`, with a row for each y"
-        ),
-    )?;
-    Error::check_count_range(&format!("{place}: lambda: controls"), controls, 1, Controls::MOST)?;
-    Error::check_count_range(&format!("{place}: lambda: rows"), machines, 1, usize::MAX)?;
-    // Where a density that is linear is positive if it is so at all rows.
-    let mean =
-        |of: usize| lambda.values.iter().skip(of).step_by(controls).sum::<f64>() / machines as f64;
-    let origin: Vec<f64> = (0..controls).map(mean).collect();
-    let chart = AreaDensity::of_grids(&x, &y, &density.values, scale, &lambda.values, &origin);
-    let planes = vec![Some(chart.map_err(|e| e.with_place(&place))?)];
-    Section::of_controls(planes, &origin).map_err(|e| e.with_place(&place))
+    chart.map_err(|e| e.with_place(place))
 }
 
 /// Writes what [`read_section`] reads: a grid for each row of values of `controls`, one after another, or one grid
