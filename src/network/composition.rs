@@ -2,12 +2,11 @@
 
 use super::controls::Controls;
 use super::step::{Kind, Step, Visitor};
+use super::visits::{Across, Apply, ApplyShears, ForwardRecorded, Jvp, Vjp};
 use crate::error::Error;
-use crate::layer::{
-    ElementaryMap, Reversor, TorusAction, Turn, TurnFraction, TurnedCoupling, Twist, TwistShears,
-};
+use crate::layer::{ElementaryMap, Reversor, TorusAction, Turn, TurnFraction, TwistShears};
 use crate::phase::{Direction, Map};
-use crate::scalar::{Kernel, Over, Pack, Real, Scalar, Task, max_or_nan, on_lanes};
+use crate::scalar::{Kernel, Over, Pack, Real, Scalar, max_or_nan, on_lanes};
 use std::any::Any;
 use std::marker::PhantomData;
 use std::ops::Range;
@@ -28,142 +27,6 @@ pub struct Composition<P> {
     turns: Vec<Turn<P>>,
     /// What the parameters are polynomials of: those that steps point to are the constant terms.
     controls: Option<Arc<Controls>>,
-}
-
-/// A visitor whose work on each shear is compiled as a function of its own, for the
-/// registers of `$number`.
-macro_rules! visit_outlined {
-    ([$($generics:tt)*] $visitor:ty, $number:ident) => {
-        impl<'a, $($generics)*> Visitor<'a, P> for $visitor {
-            type Output = ();
-            const SPECIALISED: bool = $number::SPECIALISED;
-            #[inline(always)]
-            fn visit(self, shear: impl ElementaryMap<P> + 'a) {
-                $number::outlined(OfEach { shear, work: self, parameters: PhantomData });
-            }
-        }
-    };
-}
-
-/// A step of all points, 2n numbers each.
-struct Apply<'s, S> {
-    z: &'s mut [S],
-    scratch: &'s mut [S],
-}
-
-visit_outlined!([P: Scalar, S: Over<P>] Apply<'_, S>, S);
-
-/// What a visitor does with a shear, to be compiled as a function of its own.
-struct OfEach<P, T, W> {
-    shear: T,
-    work: W,
-    parameters: PhantomData<P>,
-}
-
-impl<P: Scalar, S: Over<P>, T: ElementaryMap<P>> Task for OfEach<P, T, Apply<'_, S>> {
-    #[inline(always)]
-    fn run(self) {
-        let Apply { z, scratch } = self.work;
-        self.shear.apply_each(z, scratch);
-    }
-}
-
-/// [`Apply`] of shears alone: what is no bijection of a grid is not compiled for numbers on one.
-struct ApplyShears<'s, S>(Apply<'s, S>);
-
-impl<'a, P: Scalar, S: Over<P>> Visitor<'a, P> for ApplyShears<'_, S> {
-    type Output = ();
-    const SPECIALISED: bool = S::SPECIALISED;
-
-    #[inline(always)]
-    fn visit(self, shear: impl ElementaryMap<P> + 'a) {
-        S::outlined(OfEach { shear, work: self.0, parameters: PhantomData });
-    }
-
-    #[inline(always)]
-    fn visit_twist<const D: usize>(self, _: Twist<'a, P, D>) {
-        unreachable!("{NO_SHEAR}");
-    }
-
-    #[inline(always)]
-    fn visit_coupling<const D: usize>(self, _: TurnedCoupling<'a, P, D>) {
-        unreachable!("{NO_SHEAR}");
-    }
-}
-
-/// What a caller has to have asked.
-const NO_SHEAR: &str = "`Composition::check_on_grid` refuses it";
-
-/// A step of all points, filling the tape of each.
-struct ForwardRecorded<'s, S> {
-    z: &'s mut [S],
-    tape: &'s mut [S],
-    scratch: &'s mut [S],
-}
-
-visit_outlined!([P: Scalar, S: Over<P>] ForwardRecorded<'_, S>, S);
-
-impl<P: Scalar, S: Over<P>, T: ElementaryMap<P>> Task for OfEach<P, T, ForwardRecorded<'_, S>> {
-    #[inline(always)]
-    fn run(self) {
-        let ForwardRecorded { z, tape, scratch } = self.work;
-        let (dim, size) = (2 * self.shear.dof(), self.shear.tape_len());
-        for k in 0..z.len() / dim {
-            let tape = &mut tape[k * size..(k + 1) * size];
-            self.shear.forward_recorded(&mut z[k * dim..(k + 1) * dim], tape, scratch);
-        }
-    }
-}
-
-/// The adjoint of a step at all points recorded.
-struct Vjp<'s, S> {
-    tape: &'s [S],
-    z_bar: &'s mut [S],
-    parameters_bar: &'s mut [S],
-    scratch: &'s mut [S],
-}
-
-visit_outlined!([P: Scalar, S: Over<P>] Vjp<'_, S>, S);
-
-impl<P: Scalar, S: Over<P>, T: ElementaryMap<P>> Task for OfEach<P, T, Vjp<'_, S>> {
-    #[inline(always)]
-    fn run(self) {
-        let Vjp { tape, z_bar, parameters_bar, scratch } = self.work;
-        self.shear.vjp_each(tape, z_bar, parameters_bar, scratch);
-    }
-}
-
-/// A step of one point, with its derivatives.
-struct Jvp<'s, S> {
-    z: &'s mut [S],
-    directions: &'s mut [S],
-    scratch: &'s mut [S],
-}
-
-visit_outlined!([P: Scalar, S: Over<P>] Jvp<'_, S>, S);
-
-impl<P: Scalar, S: Over<P>, T: ElementaryMap<P>> Task for OfEach<P, T, Jvp<'_, S>> {
-    #[inline(always)]
-    fn run(self) {
-        let Jvp { z, directions, scratch } = self.work;
-        self.shear.jvp(z, directions, scratch);
-    }
-}
-
-/// A step of one point, its neurons in the lanes of `V`.
-struct Across<'s, P, V> {
-    z: &'s mut [P],
-    scratch: &'s mut [P],
-    lanes: PhantomData<V>,
-}
-
-visit_outlined!([P: Over<P>, V: Pack<P>] Across<'_, P, V>, V);
-
-impl<P: Over<P>, V: Pack<P>, T: ElementaryMap<P>> Task for OfEach<P, T, Across<'_, P, V>> {
-    #[inline(always)]
-    fn run(self) {
-        self.shear.apply_across::<V>(self.work.z, self.work.scratch);
-    }
 }
 
 /// Neurons of one point in the lanes: four rather than eight, whose division takes longer.

@@ -34,6 +34,7 @@ mod on_grid;
 mod pace;
 mod spec;
 mod step;
+mod visits;
 
 pub use architecture::{Architecture, Structure};
 pub use batch::{Course, Rollout, map_points, map_points_at_pace, rollout, rollout_at_pace};

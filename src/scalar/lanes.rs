@@ -114,7 +114,7 @@ impl<const L: usize> Scalar for Lanes<L> {
     }
     #[inline(always)]
     fn outlined(task: impl Task) {
-        run_outlined(task);
+        if CALLS { task.run_apart() } else { task.run() }
     }
     fn unit_roundoff() -> f64 {
         f64::unit_roundoff()
@@ -161,12 +161,6 @@ const CALLS: bool = cfg!(target_arch = "x86_64");
 #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
 fn fused<const L: usize>(x: Lanes<L>, a: Lanes<L>, b: Lanes<L>) -> Lanes<L> {
     x.zip(a, b, f64::mul_add)
-}
-
-#[cfg_attr(target_arch = "x86_64", inline(never))]
-#[cfg_attr(not(target_arch = "x86_64"), inline(always))]
-fn run_outlined(task: impl Task) {
-    task.run();
 }
 
 assigning!([const L: usize] Lanes<L>);

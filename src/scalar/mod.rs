@@ -44,19 +44,12 @@ pub use on_grid::{FloatOnGrid, IntegerOnGrid, OnGrid};
 pub use on_lanes::tanh_sech2_of_all;
 pub(crate) use on_lanes::{on_independent_lanes, on_lanes};
 pub(crate) use simd::{Kernel, Pack};
-pub use simd::{Simd, tanh_sech2};
+pub use simd::{Simd, Task, tanh_sech2};
 pub use traced::{Operation, Trace, Traced, TracedKernel};
 pub use tracked::Tracked;
 
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
-
-/// A piece of work that is compiled as a separate function: see
-/// [`Scalar::outlined`].
-pub trait Task {
-    /// Runs the task. It must be `#[inline(always)]`, as must all that it calls for each number.
-    fn run(self);
-}
 
 /// A number that a layer can be evaluated on.
 ///
@@ -129,9 +122,9 @@ pub trait Scalar:
     /// Runs a task on such numbers as a separate function. On vector registers the task
     /// then has all of them, and a composition on dual numbers does not become a single
     /// function with all kinds of step, which takes minutes to compile.
-    #[inline(never)]
+    #[inline(always)]
     fn outlined(task: impl Task) {
-        task.run();
+        task.run_apart();
     }
 
     /// The numbers themselves where they are of type `f64`, for which there are kernels on vector registers;

@@ -3,8 +3,8 @@
 //! # Safety
 //! Every intrinsic here needs a processor that has its instructions, and nothing
 //! else but the loads and stores, which are of arrays of the register's size. The
-//! register types are private to this module, and the only place that names them
-//! is [`on_lanes`], which runs a kernel on them after the processor has been asked.
+//! register types are private to this module, and the only places that name them
+//! are methods of [`Kernel`], which [`on_registers`] calls after the processor has been asked.
 //! A kernel gets them as a type parameter, works with their values on the thread
 //! it is called on, and cannot keep one: its output does not depend on the type.
 //! A task that a kernel has outlined is called through the register type that the kernel
@@ -13,7 +13,7 @@
 use super::lanewise::{Lanewise, functions_of_lanes, zero_lanes_with};
 use super::lorentzian::lorentzian_in_step;
 use super::tanh::tanh_sech2_in_step;
-use super::{Elementary, Over, Scalar, Task, WIDTH, assigning, over_parameters};
+use super::{Elementary, Over, Scalar, WIDTH, assigning, over_parameters};
 use crate::error::Error;
 use std::sync::LazyLock;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -73,12 +73,80 @@ pub trait Pack<P: Scalar = f64>: Lanewise + Over<P> {
 ///
 /// `run` and all that it calls for each lane must be `#[inline(always)]`, else it
 /// is compiled for any processor, and slow.
-pub(crate) trait Kernel {
+///
+/// What runs it on registers are methods of the trait, which no kernel has of its own: so the compiler puts the code of
+/// a kernel in the unit of its module, and not that of all kernels in one.
+pub(crate) trait Kernel: Sized {
     /// The result.
     type Output;
 
     /// The computation.
     fn run<V: Pack>(self) -> Self::Output;
+
+    /// The computation on lanes of any processor.
+    fn on_any<V: Pack>(self) -> Self::Output {
+        self.run::<V>()
+    }
+
+    /// The computation on four lanes (`L` = 4) or eight.
+    ///
+    /// # Safety
+    /// The processor has AVX2 and fused multiply-adds.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2,fma")]
+    unsafe fn on_avx2<const L: usize>(self) -> Self::Output {
+        x86::align_frame();
+        // With a `const` block the kernel is compiled for the one register that it runs on, and not for both.
+        if const { L == 4 } { self.run::<x86::Ymm>() } else { self.run::<x86::Pair<x86::Ymm>>() }
+    }
+
+    /// The computation on four lanes (`L` = 4) or eight.
+    ///
+    /// # Safety
+    /// The processor has AVX2, fused multiply-adds and the parts F, DQ and VL of AVX-512.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2,fma,avx512f,avx512dq,avx512vl")]
+    unsafe fn on_avx512<const L: usize>(self) -> Self::Output {
+        x86::align_frame();
+        if const { L == 4 } { self.run::<x86::Ymm>() } else { self.run::<x86::Zmm>() }
+    }
+}
+
+/// A piece of work that is compiled as a separate function: see
+/// [`Scalar::outlined`]. Only `run` is written for each.
+pub trait Task: Sized {
+    /// Runs the task. It must be `#[inline(always)]`, as must all that it calls for each number.
+    fn run(self);
+
+    /// Runs the task as a separate function for any processor.
+    #[inline(never)]
+    fn run_apart(self) {
+        self.run();
+    }
+
+    /// Runs the task as a separate function.
+    ///
+    /// # Safety
+    /// The processor has AVX2 and fused multiply-adds.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2,fma")]
+    #[inline(never)]
+    unsafe fn run_apart_on_avx2(self) {
+        x86::align_frame();
+        self.run();
+    }
+
+    /// Runs the task as a separate function.
+    ///
+    /// # Safety
+    /// The processor has AVX2, fused multiply-adds and the parts F, DQ and VL of AVX-512.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2,fma,avx512f,avx512dq,avx512vl")]
+    #[inline(never)]
+    unsafe fn run_apart_on_avx512(self) {
+        x86::align_frame();
+        self.run();
+    }
 }
 
 /// Sets of vector instructions that the kernels are compiled for.
@@ -160,15 +228,15 @@ impl Simd {
 pub(super) fn on_registers<const L: usize, F: Pack, K: Kernel>(kernel: K) -> K::Output {
     const { assert!(L == 4 || L == 8) };
     match Simd::current() {
-        Simd::Portable => kernel.run::<F>(),
+        Simd::Portable => kernel.on_any::<F>(),
         #[cfg(target_arch = "x86_64")]
         // SAFETY: `current` gives what the processor has.
-        Simd::Avx2 => unsafe { x86::on_avx2::<L, K>(kernel) },
+        Simd::Avx2 => unsafe { kernel.on_avx2::<L>() },
         #[cfg(target_arch = "x86_64")]
         // SAFETY: as above.
-        Simd::Avx512 => unsafe { x86::on_avx512::<L, K>(kernel) },
+        Simd::Avx512 => unsafe { kernel.on_avx512::<L>() },
         #[cfg(not(target_arch = "x86_64"))]
-        _ => kernel.run::<F>(),
+        _ => kernel.on_any::<F>(),
     }
 }
 
@@ -232,19 +300,6 @@ mod x86 {
     use std::hint::black_box;
     use std::ops::{Add, Div, Mul, Neg, Sub};
 
-    // With a `const` block the kernel is compiled for the one register that it is to run on, and not for both.
-    #[target_feature(enable = "avx2,fma")]
-    pub(super) fn on_avx2<const L: usize, K: Kernel>(kernel: K) -> K::Output {
-        align_frame();
-        if const { L == 4 } { kernel.run::<Ymm>() } else { kernel.run::<Pair<Ymm>>() }
-    }
-
-    #[target_feature(enable = "avx2,fma,avx512f,avx512dq,avx512vl")]
-    pub(super) fn on_avx512<const L: usize, K: Kernel>(kernel: K) -> K::Output {
-        align_frame();
-        if const { L == 4 } { kernel.run::<Ymm>() } else { kernel.run::<Zmm>() }
-    }
-
     /// A local variable of this alignment makes the compiler align the frame, and
     /// with it the registers that it spills: else a spilled register may lie across
     /// two cache lines, which costs up to a quarter of the time, or not, as the
@@ -253,24 +308,10 @@ mod x86 {
     struct Aligned(#[allow(dead_code)] u8);
 
     #[inline(always)]
-    fn align_frame() {
+    pub(super) fn align_frame() {
         // A constant would not be a local variable.
         let mut local = Aligned(black_box(0));
         black_box(&mut local);
-    }
-
-    #[target_feature(enable = "avx2,fma")]
-    #[inline(never)]
-    fn outlined_avx2(task: impl Task) {
-        align_frame();
-        task.run();
-    }
-
-    #[target_feature(enable = "avx2,fma,avx512f,avx512dq,avx512vl")]
-    #[inline(never)]
-    fn outlined_avx512(task: impl Task) {
-        align_frame();
-        task.run();
     }
 
     macro_rules! with_fused_multiply_add {
@@ -394,7 +435,7 @@ mod x86 {
     /// Four lanes.
     #[derive(Clone, Copy, Debug)]
     #[repr(transparent)]
-    struct Ymm(__m256d);
+    pub(super) struct Ymm(__m256d);
 
     operator! { Ymm,
         Add, add, _mm256_add_pd; Sub, sub, _mm256_sub_pd;
@@ -420,7 +461,7 @@ mod x86 {
         #[inline(always)]
         fn outlined(task: impl Task) {
             // SAFETY: see the module.
-            unsafe { outlined_avx2(task) }
+            unsafe { task.run_apart_on_avx2() }
         }
         #[inline(always)]
         fn is_zero(self) -> bool {
@@ -538,7 +579,7 @@ mod x86 {
     /// Eight lanes.
     #[derive(Clone, Copy, Debug)]
     #[repr(transparent)]
-    struct Zmm(__m512d);
+    pub(super) struct Zmm(__m512d);
 
     operator! { Zmm,
         Add, add, _mm512_add_pd; Sub, sub, _mm512_sub_pd;
@@ -564,7 +605,7 @@ mod x86 {
         #[inline(always)]
         fn outlined(task: impl Task) {
             // SAFETY: see the module.
-            unsafe { outlined_avx512(task) }
+            unsafe { task.run_apart_on_avx512() }
         }
         #[inline(always)]
         fn is_zero(self) -> bool {
@@ -660,7 +701,7 @@ mod x86 {
 
     /// Twice the lanes, in two registers.
     #[derive(Clone, Copy, Debug)]
-    struct Pair<V>(V, V);
+    pub(super) struct Pair<V>(V, V);
 
     macro_rules! both {
         ($($method:ident($($operand:ident),*);)*) => {
