@@ -149,13 +149,16 @@ fn checkpoints_observe_a_fit() {
     let run = |iterations| {
         let fit = fit().with_iterations(iterations);
         let mut checkpoints = Checkpoints::new(folder.path().join("c"), true);
+        let begun = checkpoints.earlier(TrainingStage::Last).expect("none, or one that is read");
+        let begun = begun.map_or(0, |checkpoint| checkpoint.last().iteration);
         let fitted = fit.run_observed(pairs(150, 0.9, 1), &mut checkpoints).expect("trains");
         checkpoints.remove_after(fitted.outcome().stop).expect("removed");
-        (fitted, checkpoints.exist(&fit.training))
+        (fitted, begun, checkpoints.exist(&fit.training))
     };
-    let (fitted, kept) = run(8);
-    assert_eq!((fitted.outcome().stop, kept), (Stop::Iterations, true));
-    let (longer, _) = run(12);
+    let (fitted, begun, kept) = run(8);
+    assert_eq!((fitted.outcome().stop, begun, kept), (Stop::Iterations, 0, true));
+    let (longer, begun, _) = run(12);
+    assert_eq!(begun, 8);
     let alone = fit().with_iterations(12).run(pairs(150, 0.9, 1)).expect("trains");
     assert_eq!(longer.model().parameters(), alone.model().parameters());
     let checkpoints = Checkpoints::new(folder.path().join("c"), true);
@@ -206,7 +209,7 @@ fn options_come_before_a_recipe() {
     let refused: [(FitOptions, &str); 5] = [
         (FitOptions { iterations: Some(0), ..none() }, "iterations"),
         (FitOptions { starts: Some(0), ..none() }, "starts"),
-        (FitOptions { radius: Some(0.0), ..none() }, "radius"),
+        (FitOptions { radius: Some(0.0), ..none() }, "a box with an extent"),
         (FitOptions { architecture: Some("perceptron".into()), ..none() }, "perceptron"),
         (
             FitOptions {

@@ -417,9 +417,9 @@ pub struct Train {
     pub units: UnitsOf,
     /// Of pairs whose columns x, y have the area form ρ dx∧dy, such as R, Z of a magnetic field with ρ = B_φ: an .npz
     /// file of ρ on a grid, with arrays x, y and density (a row for each y); of several planes with arrays x1, y1,
-    /// density1, x2 and so on, where planes without them are canonical; of a ρ that depends on controls, linearly, with
-    /// a grid for each row of an array lambda, whose columns are those of --controls. The model is trained in canonical
-    /// coordinates, keeps the chart, and predicts x, y.
+    /// density1, x2 and so on, where planes without them are canonical (and planes, their number, where the last is);
+    /// of a ρ that depends on controls, linearly, with a grid for each row of an array lambda, whose columns are
+    /// those of --controls. The model is trained in canonical coordinates, keeps the chart, and predicts x, y.
     #[arg(long, value_name = "FILE.npz")]
     pub section: Option<PathBuf>,
     /// The names of the controls that the pairs depend on, whose values are the columns of the array `lambda`

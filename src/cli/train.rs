@@ -9,7 +9,7 @@ use gyroceptron::Error;
 use gyroceptron::flow::Pairs;
 use gyroceptron::io::{Checkpoints, StoredModel, load_model, read_pairs, read_section, save_model};
 use gyroceptron::layer::Reversor;
-use gyroceptron::network::{Controls, LayerSizes, NetworkSpec};
+use gyroceptron::network::{Controls, LayerSizes};
 use gyroceptron::scene::render::terminal;
 use gyroceptron::scene::{
     Folder, NextStep, Note, Observer, OwnTraining, Scene, TrainingTimes, next_command,
@@ -31,9 +31,6 @@ fn recipe(arguments: &Train) -> Result<(String, Recipe), Error> {
     };
     let scene = Scene::read(name)?;
     let fit = scene.fit().map_err(|e| e.with_place(name))?;
-    if fit.network.as_ref().is_some_and(NetworkSpec::is_of_file) {
-        return Err(Error::invalid("--scene", "a network of a file", "one to train"));
-    }
     Ok((scene.name, Recipe::Declared(Box::new(fit))))
 }
 
@@ -82,14 +79,6 @@ fn options(arguments: &Train) -> Result<FitOptions, Error> {
     })
 }
 
-/// An error of an option, with the option in place of its key.
-fn of_option(error: Error) -> Error {
-    match error {
-        Error::At { place, reason } => reason.with_place(option_of(&place)),
-        error => error,
-    }
-}
-
 /// The circle action that is found.
 const AUTO: &str = "auto";
 
@@ -100,6 +89,7 @@ fn fit_of(arguments: &Train) -> Result<(String, Fit), Error> {
         None | Some(AUTO) => None,
         Some(text) => Some(circle_action(text)?),
     };
+    let base = options(arguments)?.over(recipe)?;
     let fit = Fit {
         place: arguments.data.display().to_string(),
         action,
@@ -116,7 +106,7 @@ fn fit_of(arguments: &Train) -> Result<(String, Fit), Error> {
         units: arguments.units == UnitsOf::Fitted,
         validation: arguments.validation,
         seed: arguments.seed,
-        ..options(arguments)?.over(recipe).map_err(of_option)?
+        ..base
     };
     fit.check()?;
     Ok((name, fit))

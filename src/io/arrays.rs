@@ -180,12 +180,12 @@ pub fn parse_pairs(place: &str, bytes: Vec<u8>) -> Result<PairsFile, Error> {
     Ok(PairsFile { pairs, has_epsilons, has_times, controls: count, unused, single_precision })
 }
 
-/// Reads the charts of a section from an `.npz` file: `x` (A) and `y` (B), in increasing order, and `density` (B, A), the
-/// values of ρ on this grid. The optional `scale`, one number, is what ∫ρ dx is divided by; it is 1 by default.
+/// Reads the charts of a section from an `.npz` file: `x` (A) and `y` (B), in increasing order, and `density` (B, A),
+/// the values of ρ on this grid. The optional `scale`, one number, is what ∫ρ dx is divided by; it is 1 by default.
 ///
 /// For several degrees of freedom the arrays of plane j, counted from 1, are `xj`, `yj` and `densityj`. A plane without
-/// them has canonical columns. The optional `planes`, one number, is that of the degrees of freedom, unless it is that
-/// of the last plane with a density.
+/// them has canonical columns, and the scale is then 1. `planes` is the number of planes, needed where the last one has
+/// no density.
 ///
 /// A density that depends on controls, linearly, is given at several of their values: `lambda` (L) or (L, controls),
 /// and `density` (L, B, A).
@@ -204,6 +204,21 @@ pub fn read_section(path: &Path) -> Result<Section, Error> {
         false => None,
     };
     let numbered = |j: &usize| has(&format!("density{j}"));
+    // What is misspelt, or meant otherwise, makes no plane canonical.
+    for name in &names {
+        let kinds = ["density", "x", "y"].map(|kind| Some((kind, name.strip_prefix(kind)?)));
+        let Some((_, suffix)) = kinds.into_iter().flatten().next() else { continue };
+        let plane = suffix.parse().ok().filter(|j| (1..=MOST_PLANES).contains(j));
+        if suffix.is_empty() || plane.is_some_and(|j| numbered(&j)) && !has("density") {
+            continue;
+        }
+        let expected = format!("x, y and density, or x1, y1, density1 … up to {MOST_PLANES}");
+        return Err(Error::content(format!("{place}: arrays"), expected, name));
+    }
+    if has("density") && has("planes") {
+        let expected = "none beside density, which is of one plane";
+        return Err(Error::content(&place, expected, "planes"));
+    }
     let planes = match (1..=MOST_PLANES).rev().find(numbered).filter(|_| !has("density")) {
         None => vec![Some(read_plane(&mut archive, &place, "", scale, controls.as_ref())?)],
         Some(last) => {
@@ -298,10 +313,14 @@ fn read_plane(
             ),
         ),
     };
-    let place = format!("{place}: {density}");
     if grids.shape != wanted {
-        return Err(Error::content(place, text, format!("{:?}", grids.shape)));
+        return Err(Error::content(
+            format!("{place}: {density}"),
+            text,
+            format!("{:?}", grids.shape),
+        ));
     }
+    let place = if suffix.is_empty() { place.into() } else { format!("{place}: plane {suffix}") };
     let chart = match controls {
         None => AreaDensity::of_grid(&x, &y, &grids.values, scale),
         Some(SectionControls { values, origin, .. }) => {
@@ -311,8 +330,8 @@ fn read_plane(
     chart.map_err(|e| e.with_place(place))
 }
 
-/// Writes what [`read_section`] reads: a grid for each row of values of `controls`, one after another, or one grid
-/// where there are no controls.
+/// Writes a section of one plane, as [`read_section`] reads it: a grid for each row of values of `controls`, one
+/// after another, or one grid where there are no controls.
 ///
 /// # Errors
 /// [`Error::Write`]; [`Error::WrongCount`] unless there is one density for each pair of coordinates and each row, or

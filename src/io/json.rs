@@ -34,7 +34,7 @@ const CHECKPOINT_VERSION: u64 = 1;
 pub struct Provenance {
     /// The scene it was trained by, or `import`.
     pub scene: String,
-    /// The seed of the weights and of the held-out choice.
+    /// The seed of the weights; of `train` and of polynomials, that of the held-out choice.
     pub seed: Option<u64>,
     /// SHA-256 of the training pairs, or of the imported file.
     pub data: Option<String>,

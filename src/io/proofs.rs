@@ -318,7 +318,7 @@ impl Default for ProofRequest {
 pub struct Proofs {
     /// Each rotation number with its verdict.
     pub tried: Vec<(NobleNumber, Verdict)>,
-    /// What the file says is proved.
+    /// What is proved, as its file holds it.
     pub file: ProofFile,
     /// The fixed point near 0, where it is proved.
     pub fixed_point: Option<FixedPoint>,

@@ -71,9 +71,9 @@ impl<P: Scalar, S: Over<P>, V: Potential<S>> Map<S> for HenonMap<'_, P, V> {
 pub struct KickForm {
     /// The half of the coordinates that the shear changes.
     pub target: Half,
-    /// Whether the increment is subtracted, as in an inverse.
+    /// Whether the increment is subtracted.
     pub negative: bool,
-    /// Whether the half that does not change is negated.
+    /// Whether the potential is taken at the negated source.
     pub reflect: bool,
     /// η is subtracted from the source.
     pub shifted: bool,

@@ -300,6 +300,7 @@ impl<P: Scalar, const D: usize> NeuronPotential<'_, P, D> {
     where
         P: Over<P>,
     {
+        const { assert!(V::LANES >= 4, "as many lanes as neurons that go together") };
         in_registers!(P, self.n(), D, [y], out => {
                 for_neurons!(self.width(), j, K => {
                 let neurons = self.neurons::<K>(j);

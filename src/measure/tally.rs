@@ -62,9 +62,9 @@ impl Verdict {
 pub struct Row {
     /// The name of the law.
     pub law: String,
-    /// The equation whose two sides are compared.
+    /// The equation that is tested.
     pub equation: String,
-    /// The number of samples that were compared.
+    /// The number of samples, with those that are ill-conditioned.
     pub samples: usize,
     /// The number of samples on which rounding leaves no digit to test.
     pub ill_conditioned: usize,
@@ -221,7 +221,7 @@ impl Tally {
         &self.law
     }
 
-    /// The equation whose two sides are compared.
+    /// The equation that is tested.
     pub fn equation(&self) -> &str {
         &self.equation
     }

@@ -67,7 +67,7 @@ pub struct Architecture {
     /// h, the flow time; 1 where no block is scaled by it.
     #[serde(default = "one")]
     pub flow_time: f64,
-    /// The blocks of the network, in the order in which they are listed.
+    /// The blocks of the network.
     pub blocks: Vec<Block>,
     /// S, where the map is reversible for all weights.
     #[serde(default, skip_serializing_if = "Option::is_none")]

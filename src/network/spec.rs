@@ -300,7 +300,8 @@ pub struct NetworkSpec {
     /// The activation σ of a SympNet.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub activation: Option<Activation>,
-    /// Whether a SympNet has no translations: see [`SympNetShape::plain`].
+    /// Whether the activation modules of a SympNet have no parameters, and no translation follows its last linear
+    /// module: see [`SympNetShape::plain`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub plain: Option<bool>,
     /// S of a map that is reversible for all weights.
@@ -349,7 +350,8 @@ impl NetworkSpec {
             Some(named) => Self::named(named.name),
             None => {
                 let expected = "sizes of parts that one architecture has";
-                Err(Error::invalid("sizes", keys.join(", "), expected))
+                let first = keys.first().copied().unwrap_or("sizes");
+                Err(Error::invalid(first, keys.join(", "), expected))
             }
         }
     }
@@ -401,7 +403,8 @@ impl NetworkSpec {
             "twists" => &mut self.twists,
             "turned_twists" => &mut self.turned_twists,
             "perturbation" => &mut self.perturbation,
-            _ => &mut self.layers,
+            "layers" => &mut self.layers,
+            _ => return Err(Error::invalid("size", key, Self::SIZES.join(", "))),
         };
         *own = Some(size);
         if key == "layers" {

@@ -12,7 +12,7 @@ use std::sync::Arc;
 /// One step of a composition, pointing into its parameters.
 #[derive(Clone, Debug)]
 pub struct Step {
-    /// The kind of layer that the step belongs to.
+    /// The kind of step, with what it is made of.
     pub kind: Kind,
     /// The range of its parameters. Several steps may share them.
     pub parameters: Range<usize>,
@@ -130,7 +130,7 @@ pub trait Visitor<'a, P: Scalar>: Sized {
     /// in any number: they are faster, and take longer to build.
     const SPECIALISED: bool = false;
 
-    /// Called with a step of any kind that has no method of its own here.
+    /// Takes a step of any kind that has no method of its own here.
     fn visit(self, shear: impl ElementaryMap<P> + 'a) -> Self::Output;
 
     /// Takes a kick of a Hénon layer.
@@ -148,7 +148,7 @@ pub trait Visitor<'a, P: Scalar>: Sized {
         self.visit(kick)
     }
 
-    /// Called with a twist.
+    /// Takes a twist.
     #[inline(always)]
     fn visit_twist<const D: usize>(self, twist: Twist<'a, P, D>) -> Self::Output {
         self.visit(twist)
@@ -160,7 +160,7 @@ pub trait Visitor<'a, P: Scalar>: Sized {
         self.visit(coupling)
     }
 
-    /// Called with a turn.
+    /// Takes a turn.
     #[inline(always)]
     fn visit_turn(self, turn: TurnStep<'a, P>) -> Self::Output {
         self.visit(turn)

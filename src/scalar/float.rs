@@ -102,11 +102,13 @@ impl Pack for f64 {
     const LANES: usize = 1;
     #[inline(always)]
     fn load(values: &[f64]) -> Self {
-        values[0]
+        let [value] = values else { panic!("one number, not {}", values.len()) };
+        *value
     }
     #[inline(always)]
     fn store(self, values: &mut [f64]) {
-        values[0] = self;
+        let [value] = values else { panic!("one number, not {}", values.len()) };
+        *value = self;
     }
 }
 

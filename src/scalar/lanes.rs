@@ -3,7 +3,7 @@
 use super::lanewise::{Lanewise, functions_of_lanes, zero_lanes_with};
 use super::lorentzian::lorentzian_in_step;
 use super::tanh::tanh_sech2_in_step;
-use super::{Elementary, Pack, Scalar, Task, WIDTH, assigning, over_parameters, simd};
+use super::{Apart, Elementary, Pack, Scalar, Task, WIDTH, assigning, over_parameters, simd};
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// `L` numbers that go through the same arithmetic.

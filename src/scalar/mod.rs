@@ -43,6 +43,7 @@ pub use lanewise::WIDTH;
 pub use on_grid::{FloatOnGrid, IntegerOnGrid, OnGrid};
 pub use on_lanes::tanh_sech2_of_all;
 pub(crate) use on_lanes::{on_independent_lanes, on_lanes};
+use simd::Apart;
 pub(crate) use simd::{Kernel, Pack};
 pub use simd::{Simd, Task, tanh_sech2};
 pub use traced::{Operation, Trace, Traced, TracedKernel};

@@ -74,7 +74,7 @@ pub trait Pack<P: Scalar = f64>: Lanewise + Over<P> {
 /// `run` and all that it calls for each lane must be `#[inline(always)]`, else it
 /// is compiled for any processor, and slow.
 ///
-/// What runs it on registers are methods of the trait, which no kernel has of its own: so the compiler puts the code of
+/// What runs it on registers are methods of the trait, which kernels do not override: so the compiler puts the code of
 /// a kernel in the unit of its module, and not that of all kernels in one.
 pub(crate) trait Kernel: Sized {
     /// The result.
@@ -113,11 +113,17 @@ pub(crate) trait Kernel: Sized {
 }
 
 /// A piece of work that is compiled as a separate function: see
-/// [`Scalar::outlined`]. Only `run` is written for each.
+/// [`Scalar::outlined`].
 pub trait Task: Sized {
     /// Runs the task. It must be `#[inline(always)]`, as must all that it calls for each number.
     fn run(self);
+}
 
+impl<T: Task> Apart for T {}
+
+/// A task as a function of its own, which the compiler puts in the unit of the module of the task, as it does
+/// kernels.
+pub(super) trait Apart: Task {
     /// Runs the task as a separate function for any processor.
     #[inline(never)]
     fn run_apart(self) {

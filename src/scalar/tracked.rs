@@ -80,8 +80,8 @@ impl Mul for Tracked {
     }
 }
 
-// Here and below, what a kernel has hundreds of is a call: it is one already, of `fma`, where
-// code is compiled for any processor.
+// Here and below: calls, since a kernel has hundreds of these, and the portable `fma` in most of them is a call
+// already.
 impl Div for Tracked {
     type Output = Self;
     #[inline(never)]

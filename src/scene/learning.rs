@@ -171,6 +171,7 @@ fn learn_at(
         digest: data.training.digest(),
         seed: scene.seed.wrapping_add(number),
         notes: Vec::new(),
+        epsilon,
         stages,
         from: from.map(|(model, earlier)| Earlier { model: model.clone(), time: time / earlier }),
     };

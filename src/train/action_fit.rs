@@ -85,7 +85,7 @@ impl ActionFit {
         Ok(Self { angles, candidates })
     }
 
-    /// The action whose rotation is nearest to the pairs.
+    /// The chosen action: the simplest of those whose rotations are about as near to the pairs as the nearest.
     pub fn action(&self) -> &CircleAction {
         &self.candidates[0].0
     }

@@ -573,7 +573,6 @@ impl Fit {
             .collect::<Result<_, _>>()?;
         Ok(Problem {
             network,
-            architecture,
             weights: self.weights,
             training,
             action,
@@ -588,6 +587,8 @@ impl Fit {
             digest: String::new(),
             seed: self.seed,
             notes,
+            epsilon: architecture.epsilon,
+            architecture,
             stages,
             from: None,
         })
@@ -839,10 +840,12 @@ pub struct Problem {
     pub flow_time: Option<f64>,
     /// SHA-256 of the pairs, as they were given.
     pub digest: String,
-    /// The seed of the weights and of the held-out choice.
+    /// The seed of the weights, and of the held-out choice where the fit made it.
     pub seed: u64,
     /// What was found or chosen.
     pub notes: Vec<FitNote>,
+    /// The ε of the pairs, which the records of stages give.
+    pub epsilon: f64,
     /// The stages of the ramp that `training` has.
     pub stages: Vec<StagePairs>,
     /// The model that the first start takes its weights from.
@@ -878,7 +881,7 @@ impl Problem {
             })
             .collect();
         data.push(StageData {
-            epsilon: self.architecture.epsilon,
+            epsilon: self.epsilon,
             time: 1.0,
             pairs: &self.pairs,
             held_out: self.held_out.as_ref(),

@@ -18,13 +18,13 @@ pub enum Recipe {
 }
 
 impl Recipe {
-    /// The names of those that have one.
+    /// The names of the recipes that no scene declares.
     pub const NAMES: [&str; 2] = ["recommended", "paper"];
 
     /// The recipe of this name.
     ///
     /// # Errors
-    /// [`Error::Invalid`] with the name, where there is none of it.
+    /// [`Error::Invalid`] for any other name.
     pub fn named(name: &str) -> Result<Self, Error> {
         match name {
             "recommended" => Ok(Self::Recommended),
@@ -100,7 +100,7 @@ impl FitOptions {
     /// A fit of the recipe with these options.
     ///
     /// # Errors
-    /// [`Error::Invalid`], often in an [`Error::At`] with the key of the option as its place.
+    /// [`Error::Invalid`] with the key of the option.
     pub fn over(self, recipe: Recipe) -> Result<Fit, Error> {
         let is_declared = matches!(recipe, Recipe::Declared(_));
         let base = recipe.fit();
@@ -152,20 +152,17 @@ impl FitOptions {
             (None, Some(network)) => network,
             (None, None) if keys.is_empty() && !has_parts => return Ok(None),
             (None, None) if keys.is_empty() => NetworkSpec::named("normal-form")?,
-            (None, None) => NetworkSpec::with_parts(&keys).map_err(|e| e.with_place(keys[0]))?,
+            (None, None) => NetworkSpec::with_parts(&keys)?,
         };
         if network.is_of_file() {
             return Err(Error::invalid("network", "that of a file", "one to train"));
         }
-        let with = |network: NetworkSpec, &(key, size): &(&str, _)| {
-            network.with_size(key, size).map_err(|e| e.with_place(key))
-        };
+        let with = |network: NetworkSpec, &(key, size): &(&str, _)| network.with_size(key, size);
         let network = self.sizes.iter().try_fold(network, with)?;
         let network = match self.reversor {
-            Some(of) => network.reversible(of).map_err(|e| e.with_place("reversor"))?,
+            Some(of) => network.reversible(of)?,
             None => network,
         };
-        let boxed = |of| network.clone().with_radius(of).map_err(|e| e.with_place("radius"));
-        self.radius.map_or(Ok(network.clone()), boxed).map(Some)
+        self.radius.map_or(Ok(network.clone()), |radius| network.with_radius(radius)).map(Some)
     }
 }

@@ -27,10 +27,10 @@ impl Default for Optimiser {
 }
 
 impl Optimiser {
-    /// The optimiser of a name, `lm`, `l-bfgs` or `adam`, with its default options.
+    /// The optimiser of a name with its default options: `lm` or `levenberg-marquardt`, `l-bfgs` or `lbfgs`, `adam`.
     ///
     /// # Errors
-    /// [`Error::Invalid`] with the name, where there is none of it.
+    /// [`Error::Invalid`] for any other name.
     pub fn named(name: &str) -> Result<Self, Error> {
         match name {
             "lm" | "levenberg-marquardt" => {

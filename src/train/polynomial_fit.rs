@@ -80,7 +80,7 @@ pub struct FittedPolynomial {
     pub pairs: usize,
     /// How many were held out.
     pub held_out: usize,
-    /// The SHA-256 of the pairs that it was fitted to.
+    /// The SHA-256 of all pairs, those held out too.
     pub digest: String,
     /// What is to be said of the pairs.
     pub notes: Vec<FitNote>,

@@ -38,7 +38,7 @@ pub struct RampStage {
     /// not be below that of the stage before.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub degree: Option<usize>,
-    /// The number of iterations of the stage.
+    /// The largest number of iterations of the stage.
     pub iterations: u64,
 }
 

@@ -548,7 +548,7 @@ fn training_offers_networks_and_optimisers_and_reports() {
     assert_eq!(stopped["stop"], "target");
     for (more, words) in [
         (&["--psi", "2"][..], &["--psi", "10x8"][..]),
-        (&["--psi", "0x8"], &["--psi"]),
+        (&["--psi", "0x8"], &["gyroceptron: psi: layers: expected", "(--psi)"]),
         (&["--architecture", "henon-net", "--psi", "2x2"], &["--psi", "a size of henon-net"]),
         (&["--layers", "2x2"], &["--layers", "a size of gyroceptron"]),
         (&["--near-identity-penalty", "-1"], &["near_identity_penalty"]),

@@ -114,10 +114,14 @@ def test_charts_of_several_planes_are_checked(tmp_path):
         (dict(x2=x, y2=y, density2=np.ones((40, 41))), "density2"),
         (dict(x2=x, density2=np.ones((41, 41))), "y2"),
         (dict(density2=-second["density2"], x2=x, y2=y), "positive"),
-        (second | dict(planes=1), "planes"),
-        (second | dict(planes=2.5), "planes"),
-        (second | dict(planes=3), "planes"),
-        (second | dict(scale=2.0), "scale"),
+        (second | dict(planes=1), "npz: planes: expected a whole number from 2"),
+        (second | dict(planes=2.5), "npz: planes: expected a whole number from 2"),
+        (second | dict(planes=3), "section: planes: expected 2, found 3"),
+        (second | dict(scale=2.0), "section: scale: expected"),
+        (second | dict(x1=x, y1=y), "npz: arrays: expected .* found x1"),
+        (second | dict(density17=x), "npz: arrays: expected .* found density17"),
+        (dict(x=x, y=y, density=np.ones((41, 41)), planes=1), "none beside density"),
+        (second | dict(x=x, y=y, density=np.ones((41, 41))), "npz: arrays: expected"),
     ]
     for arrays, word in refused:
         np.savez(path, **arrays)
