@@ -199,14 +199,14 @@ fn condition(of: Option<Condition>) -> (Option<f64>, Option<Vec<f64>>) {
 /// the highest up to 4 with fewer terms than values to learn. section: for pairs (x, y) with the area form rho dx dy,
 /// an .npz file of rho on a grid: arrays x, y and density, (len(y), len(x)), and optionally scale, one number, 1 by
 /// default. For pairs (x1, ..., y1, ...) of several planes these are x1, y1, density1, x2 and so on; a plane without
-/// them is canonical, and planes is their number, needed where the last one is. A density that depends on controls,
-/// linearly, has an array lambda, (L,) or (L, controls), with their values in the order of `controls`, and is (L,
-/// len(y), len(x)). The model then takes and gives x, y. units: "fitted", in which pairs are of order one and turn in
-/// circles, or those of the "data". validation: the share of the pairs that is held out. seed: the seed of the weights
-/// and of that choice. report: a folder for a report with plots, which says whether to trust the model. checkpoint,
-/// resume: a file that the training keeps its state in, and whether it goes on from there, to the same bits. callback:
-/// called with (stage, iteration, loss, held-out error or None) at each iteration; False stops the training, and the
-/// best model of the stage that is stopped is returned.
+/// them is canonical, and planes is their number as a float, needed where the last one is. A density that depends on
+/// controls, linearly, has an array lambda, (L,) or (L, controls), with their values in the order of `controls`, and
+/// is (L, len(y), len(x)). The model then takes and gives x, y. units: "fitted", in which pairs are of order one and
+/// turn in circles, or those of the "data". validation: the share of the pairs that is held out. seed: the seed of the
+/// weights and of that choice. report: a folder for a report with plots, which says whether to trust the model.
+/// checkpoint, resume: a file that the training keeps its state in, and whether it goes on from there, to the same
+/// bits. callback: called with (stage, iteration, loss, held-out error or None) at each iteration; False stops the
+/// training, and the best model of the stage that is stopped is returned.
 ///
 /// Warns (UserWarning) when the pairs fit far better in another order of columns or with another
 /// circle action. Raises Error when an argument is wrong, an array has a mask or numbers that are
