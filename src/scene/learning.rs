@@ -9,14 +9,13 @@ use super::setup::{ModelSpec, SeededTraining};
 use super::trained::{Trained, held_out_error, loss_of};
 use crate::error::Error;
 use crate::flow::Trajectories;
-use crate::io::{StoredModel, earlier_checkpoint, save_checkpoint, save_model};
+use crate::io::{Checkpoints, StoredModel, save_model};
 use crate::network::{Model, Rollout};
 use crate::train::{
     Checkpoint, Control, Earlier, Objective, Outcome, Problem, Progress, RampStage, Scheduled,
     StagePairs, Stop, TrainingObserver, TrainingOptions, TrainingRecord, TrainingStage,
     fit_rotation,
 };
-use std::path::PathBuf;
 use std::rc::Rc;
 use std::time::Instant;
 
@@ -217,6 +216,7 @@ struct SceneWatch<'w, 'a> {
     context: &'w mut Context<'a>,
     spec: &'w ModelSpec,
     options: &'w TrainingOptions,
+    checkpoints: Checkpoints,
     times: TrainingTimes,
     /// The stage under way, when it began, and the seconds before: of other stages, and of its own in
     /// the run that is gone on with.
@@ -232,19 +232,16 @@ impl<'w, 'a> SceneWatch<'w, 'a> {
     ) -> Self {
         let earlier = context.earlier_times(&spec.name);
         let times = TrainingTimes { model: spec.name.clone(), ..TrainingTimes::default() };
-        Self { context, spec, options, times, under_way: None, earlier }
-    }
-
-    fn file(&self, stage: TrainingStage) -> PathBuf {
-        let (scene, folder) = (self.context.scene, self.context.folder);
-        folder.file_of_model(scene, "checkpoint", self.spec, &stage.suffix())
+        let (scene, folder) = (context.scene, context.folder);
+        let file = folder.file_of_model(scene, "checkpoint", spec, "");
+        let checkpoints = Checkpoints::new(file, folder.resumes());
+        Self { context, spec, options, checkpoints, times, under_way: None, earlier }
     }
 }
 
 impl TrainingObserver for SceneWatch<'_, '_> {
     fn earlier(&mut self, stage: TrainingStage) -> Result<Option<Checkpoint>, Error> {
-        let file = self.file(stage);
-        let found = earlier_checkpoint(&file, self.context.folder.resumes())?;
+        let found = self.checkpoints.earlier(stage)?;
         let before = self.times.before();
         let resumed_at = found.as_ref().map_or(0, |checkpoint| checkpoint.last().iteration);
         let of_stage = match stage {
@@ -282,8 +279,8 @@ impl TrainingObserver for SceneWatch<'_, '_> {
                 _ => self.times.stages.last_mut().into_iter().for_each(|last| last.1 = seconds),
             }
         }
-        if let Some(checkpoint) = progress.checkpoint {
-            save_checkpoint(&self.file(stage), checkpoint)?;
+        self.checkpoints.observe(stage, progress)?;
+        if progress.checkpoint.is_some() {
             self.context.save_training_times(&self.times)?;
         }
         let iterations = stage.iterations(self.options);
