@@ -86,7 +86,7 @@ fn degrees_are_raised_until_the_error_falls_no_more() {
     // The plane that errs most, by its own spread, is what the search goes by, however small it is.
     let mut stream = Stream::new(8, "points");
     let size = [1.0, 1e-4];
-    let input: Vec<f64> = (0..8000).map(|k| size[k % 2] * stream.uniform(-0.6, 0.6)).collect();
+    let input: Vec<f64> = (0..5600).map(|k| size[k % 2] * stream.uniform(-0.2, 0.2)).collect();
     let mut output = input.clone();
     for z in output.chunks_mut(4) {
         turned(z);
@@ -315,7 +315,7 @@ fn fits_that_cannot_be_are_refused() {
 /// Steps with one and with several iterations of Newton's method are certified, and none of the laws is vacuous.
 #[test]
 fn polynomials_are_certified_and_their_mutants_rejected() {
-    let options = CertificateOptions { samples: 60, ..CertificateOptions::default() };
+    let options = CertificateOptions { samples: 20, ..CertificateOptions::default() };
     let both = Symmetries { reversor: Some(Reversor::Momenta), mirrored: vec![2] };
     let none = Symmetries::default();
     let mut iterations = Vec::new();

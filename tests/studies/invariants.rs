@@ -398,7 +398,7 @@ fn the_second_order_of_an_invariant_and_of_the_roto_rate_gain_orders() {
 /// that is longer by a share ε, up to O(ε).
 #[test]
 fn the_flow_of_the_roto_rate_has_period_two_pi() {
-    let (epsilons, start, steps) = ([0.256, 0.128, 0.064], [0.2, 0.3, 0.1, -0.4], 80);
+    let (epsilons, start, steps) = ([0.256, 0.128, 0.064], [0.2, 0.3, 0.1, -0.4], 40);
     let gap = |epsilon: f64, longer: f64| {
         let model = mild_gyroceptron_at(&[1, 0], epsilon, GOLDEN);
         let series = SeriesInvariant::of(&model, 24).expect("adiabatic");
