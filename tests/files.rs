@@ -255,6 +255,48 @@ fn pairs_come_back_and_other_layouts_are_read() {
     let read = read_pairs(&path).expect("read");
     assert!(read.single_precision);
     assert_eq!(read.pairs.input()[1], f64::from(0.1_f32));
+
+    // Integers are numbers too: the last two below of each type are its extremes.
+    let counts: Vec<i64> = vec![0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 127, -128];
+    let as_floats: Vec<f64> = counts.iter().map(|v| *v as f64).collect();
+    let unsigned: Vec<u8> = vec![0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 127, 255];
+    let bytes_of = |bytes: fn(i64) -> Vec<u8>| counts.iter().flat_map(|v| bytes(*v)).collect();
+    let of_types: [(&str, Vec<u8>); 7] = [
+        ("|i1", bytes_of(|v| (v as i8).to_le_bytes().into())),
+        ("<i2", bytes_of(|v| (v as i16).to_le_bytes().into())),
+        (">i2", bytes_of(|v| (v as i16).to_be_bytes().into())),
+        ("<i4", bytes_of(|v| (v as i32).to_le_bytes().into())),
+        (">i4", bytes_of(|v| (v as i32).to_be_bytes().into())),
+        ("<i8", bytes_of(|v| v.to_le_bytes().into())),
+        (">i8", bytes_of(|v| v.to_be_bytes().into())),
+    ];
+    for (descr, bytes) in of_types {
+        let array = npy(descr, false, "(3, 4)", &bytes);
+        npz(&path, &[("input", array.clone()), ("output", array)]);
+        let read = read_pairs(&path).expect(descr);
+        assert_eq!((read.pairs.input(), read.single_precision), (&*as_floats, false), "{descr}");
+    }
+    let wide: fn(u8) -> [Vec<u8>; 4] = |v| {
+        [
+            vec![v],
+            u16::from(v).to_le_bytes().into(),
+            u32::from(v).to_be_bytes().into(),
+            u64::from(v).to_le_bytes().into(),
+        ]
+    };
+    for (k, descr) in ["|u1", "<u2", ">u4", "<u8"].into_iter().enumerate() {
+        let bytes: Vec<u8> = unsigned.iter().flat_map(|v| wide(*v)[k].clone()).collect();
+        let array = npy(descr, false, "(3, 4)", &bytes);
+        npz(&path, &[("input", array.clone()), ("output", array)]);
+        let read = read_pairs(&path).expect(descr);
+        assert!(
+            read.pairs.input().iter().eq(unsigned
+                .iter()
+                .map(|v| f64::from(*v))
+                .collect::<Vec<_>>()
+                .iter())
+        );
+    }
 }
 
 #[test]
@@ -285,8 +327,23 @@ fn broken_pairs_are_refused() {
         let words = ["pairs.npz: output", "row 1", "column 2"];
         check(&[("input", good.clone()), ("output", bad(value))], &words);
     }
-    let integers = npy("<i8", false, "(3, 4)", &[0; 96]);
-    check(&[("input", integers), ("output", good.clone())], &["input", "float64", "i8"]);
+    let complex = npy("<c16", false, "(3, 4)", &[0; 192]);
+    check(&[("input", complex), ("output", good.clone())], &["input", "float64", "c16"]);
+    let truths = npy("|b1", false, "(3, 4)", &[0; 12]);
+    check(&[("input", truths), ("output", good.clone())], &["input", "float64", "b1"]);
+    // 2⁵³ − 1 is the largest integer that no other one is rounded to.
+    for (value, is_exact) in [((1_i64 << 53) - 1, true), (1 << 53, false), (i64::MIN, false)] {
+        let mut values = [0_i64; 12];
+        values[6] = value;
+        let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+        let integers = npy("<i8", false, "(3, 4)", &bytes);
+        if is_exact {
+            npz(&path, &[("input", integers), ("output", good.clone())]);
+            assert_eq!(read_pairs(&path).expect("integers").pairs.input()[6], value as f64);
+        } else {
+            check(&[("input", integers), ("output", good.clone())], &["input", "2⁵³", "number 6"]);
+        }
+    }
     let line = npy("<f8", false, "(12,)", &[0; 96]);
     check(&[("input", line), ("output", good.clone())], &["two-dimensional"]);
     let cube = npy("<f8", false, "(3, 2, 2)", &[0; 96]);

@@ -12,7 +12,10 @@ const MAGIC: &[u8; 6] = b"\x93NUMPY";
 /// The longest header that is read; numpy writes 118 bytes for a matrix.
 const LONGEST: usize = 4096;
 
-/// Bytes read at a time: whole numbers of either precision.
+/// Integers from here on are rounded by float64.
+const MOST: f64 = (1_u64 << 53) as f64;
+
+/// Bytes read at a time: whole numbers of any type.
 const CHUNK: usize = 1 << 14;
 
 /// An array read from a file, row by row whatever its memory order.
@@ -22,7 +25,7 @@ pub struct Array {
     pub shape: Vec<usize>,
     /// The numbers of the array, row by row.
     pub values: Vec<f64>,
-    /// Whether the file held single precision.
+    /// Whether the file held floating-point numbers of single precision.
     pub single: bool,
 }
 
@@ -43,8 +46,40 @@ impl Array {
 /// Appends the numbers that bytes stand for.
 type Decode = fn(&[u8], &mut Vec<f64>);
 
-/// Reads an array of float64 or float32 of at most three dimensions from a source of
-/// `size` bytes; `place` names it in errors. What follows the array is left unread.
+/// The bytes of a number of a type that NumPy names so, and their reader.
+fn numbers(descr: &str) -> Option<(usize, Decode)> {
+    macro_rules! of {
+        ($number:ty, $read:ident) => {
+            (size_of::<$number>(), |bytes, values| {
+                values.extend(bytes.as_chunks().0.iter().map(|b| <$number>::$read(*b) as f64));
+            })
+        };
+    }
+    Some(match descr {
+        "<f8" => of!(f64, from_le_bytes),
+        ">f8" => of!(f64, from_be_bytes),
+        "<f4" => of!(f32, from_le_bytes),
+        ">f4" => of!(f32, from_be_bytes),
+        "|i1" => of!(i8, from_le_bytes),
+        "<i2" => of!(i16, from_le_bytes),
+        ">i2" => of!(i16, from_be_bytes),
+        "<i4" => of!(i32, from_le_bytes),
+        ">i4" => of!(i32, from_be_bytes),
+        "<i8" => of!(i64, from_le_bytes),
+        ">i8" => of!(i64, from_be_bytes),
+        "|u1" => of!(u8, from_le_bytes),
+        "<u2" => of!(u16, from_le_bytes),
+        ">u2" => of!(u16, from_be_bytes),
+        "<u4" => of!(u32, from_le_bytes),
+        ">u4" => of!(u32, from_be_bytes),
+        "<u8" => of!(u64, from_le_bytes),
+        ">u8" => of!(u64, from_be_bytes),
+        _ => return None,
+    })
+}
+
+/// Reads an array of float64, float32 or integers below 2⁵³, of at most three dimensions, from a source of `size`
+/// bytes; `place` names it in errors. What follows the array is left unread.
 ///
 /// The memory used is that of the numbers which the source really holds, whatever its header says.
 pub fn read_array(place: &str, source: &mut impl Read, size: u64) -> Result<Array, Error> {
@@ -52,16 +87,8 @@ pub fn read_array(place: &str, source: &mut impl Read, size: u64) -> Result<Arra
     let text = header_text(source).map_err(malformed)?;
     let header = Header::parse(&text).map_err(malformed)?;
     let Header { descr, fortran_order, shape } = header;
-    let (bytes, decode): (usize, Decode) = match descr {
-        "<f8" => (8, |b, v| v.extend(b.as_chunks().0.iter().map(|b| f64::from_le_bytes(*b)))),
-        ">f8" => (8, |b, v| v.extend(b.as_chunks().0.iter().map(|b| f64::from_be_bytes(*b)))),
-        "<f4" => {
-            (4, |b, v| v.extend(b.as_chunks().0.iter().map(|b| f64::from(f32::from_le_bytes(*b)))))
-        }
-        ">f4" => {
-            (4, |b, v| v.extend(b.as_chunks().0.iter().map(|b| f64::from(f32::from_be_bytes(*b)))))
-        }
-        other => return Err(Error::content(place, "float64 (or float32) numbers", other)),
+    let Some((bytes, decode)) = numbers(descr) else {
+        return Err(Error::content(place, "float64 (or float32, or integer) numbers", descr));
     };
     if shape.len() > 3 {
         let found = format!("one of {}", shape.len());
@@ -74,12 +101,23 @@ pub fn read_array(place: &str, source: &mut impl Read, size: u64) -> Result<Arra
     let count = left / bytes;
     let mut values = Vec::with_capacity(count.min(CHUNK));
     let mut chunk = [0; CHUNK];
+    let integers = !descr.contains('f');
     while left > 0 {
         let bytes = &mut chunk[..left.min(CHUNK)];
         source.read_exact(bytes).map_err(|reason| {
             malformed(format!("{} of {count} numbers: {reason}", values.len()))
         })?;
+        let start = values.len();
         decode(bytes, &mut values);
+        let is_rounded = |value: &f64| integers && !(value.abs() < MOST);
+        if let Some(k) = values[start..].iter().position(is_rounded) {
+            let found = format!("the number {} is {:e}", start + k, values[start + k]);
+            return Err(Error::content(
+                place,
+                "integers below 2⁵³, which float64 holds exactly",
+                found,
+            ));
+        }
         left -= bytes.len();
     }
     if fortran_order {
@@ -95,7 +133,7 @@ pub fn read_array(place: &str, source: &mut impl Read, size: u64) -> Result<Arra
         };
         values = (0..count).map(|i| values[there(i)]).collect();
     }
-    Ok(Array { shape, values, single: bytes == 4 })
+    Ok(Array { shape, values, single: bytes == 4 && !integers })
 }
 
 /// Writes an array in the order of its rows.

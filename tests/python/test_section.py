@@ -100,7 +100,7 @@ def test_two_planes_have_charts_of_their_own(tmp_path):
         kept = jacobian.transpose(0, 2, 1) @ forms(found) @ jacobian
         assert np.abs(kept - forms(before)).max() < 1e-11
     # Without the charts, or with one of the two, the pairs keep no area.
-    np.savez(path, **{name: both[name] for name in ("x1", "y1", "density1")}, planes=2.0)
+    np.savez(path, **{name: both[name] for name in ("x1", "y1", "density1")}, planes=2)
     with pytest.warns(UserWarning, match="do not keep"):
         gyroceptron.train(before, after, [[1, 0], [0, 1]], section=path, **(small | dict(iterations=1)))
 
@@ -114,7 +114,7 @@ def test_charts_of_several_planes_are_checked(tmp_path):
         (dict(x2=x, y2=y, density2=np.ones((40, 41))), "density2"),
         (dict(x2=x, density2=np.ones((41, 41))), "y2"),
         (dict(density2=-second["density2"], x2=x, y2=y), "positive"),
-        (second | dict(planes=1.0), "npz: planes: expected a whole number from 2"),
+        (second | dict(planes=1), "npz: planes: expected a whole number from 2"),
         (second | dict(planes=2.5), "npz: planes: expected a whole number from 2"),
         (second | dict(planes=3.0), "section: planes: expected 2, found 3"),
         (second | dict(scale=2.0), "section: scale: expected"),
