@@ -55,8 +55,8 @@ NO_MAP = {
 def test_its_parameters_are_those_of_train():
     own = inspect.signature(GyroceptronRegressor).parameters
     of_train = inspect.signature(gyroceptron.train).parameters
-    # What is of each pair, of a file or of one call is no parameter of an estimator.
-    without = {"input", "output", "scene", "controls", "control_degree", "section", "seed"}
+    # What is of each pair or of one call is no parameter of an estimator.
+    without = {"input", "output", "controls", "control_degree", "seed"}
     without |= {"report", "checkpoint", "resume", "callback"}
     assert set(own) - {"random_state"} == set(of_train) - without
     for name in set(own) - {"random_state", "circle_action"}:
@@ -94,6 +94,21 @@ def test_it_learns_what_train_learns(pairs, tmp_path):
     assert regressor.n_features_in_ == 4
     other = GyroceptronRegressor(**SMALL, random_state=np.random.RandomState(1)).fit(points, images)
     assert other.model_ != model
+
+
+def test_a_scene_and_a_section_are_files(pairs, tmp_path):
+    points, images = pairs
+    # The columns as they are: a density of 1 in both planes.
+    grid, one = np.linspace(-4, 4, 8), np.ones((8, 8))
+    path = tmp_path / "density.npz"
+    np.savez(path, x1=grid, y1=grid, density1=one, planes=2)
+    regressor = GyroceptronRegressor(**SMALL, section=path).fit(points, images)
+    assert regressor.model_ == gyroceptron.train(points, images, **SMALL, seed=0, section=path)
+    assert regressor.model_ != GyroceptronRegressor(**SMALL).fit(points, images).model_
+    with pytest.raises(ValueError, match="gone.npz"):
+        GyroceptronRegressor(**SMALL, section=tmp_path / "gone.npz").fit(points, images)
+    with pytest.raises(ValueError, match="gone.toml"):
+        GyroceptronRegressor(scene=tmp_path / "gone.toml").fit(points, images)
 
 
 def test_it_is_chosen_and_judged_by_scikit_learn(pairs):

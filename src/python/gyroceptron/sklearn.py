@@ -24,6 +24,7 @@ class GyroceptronRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         circle_action="auto",
         *,
         recipe=None,
+        scene=None,
         architecture=None,
         psi=None,
         near_identity=None,
@@ -49,12 +50,14 @@ class GyroceptronRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         theta=None,
         theta_fixed=False,
         theta_penalty=None,
+        section=None,
         units="fitted",
         validation=0.1,
         random_state=0,
     ):
         self.circle_action = circle_action
         self.recipe = recipe
+        self.scene = scene
         self.architecture = architecture
         self.psi = psi
         self.near_identity = near_identity
@@ -80,6 +83,7 @@ class GyroceptronRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self.theta = theta
         self.theta_fixed = theta_fixed
         self.theta_penalty = theta_penalty
+        self.section = section
         self.units = units
         self.validation = validation
         self.random_state = random_state
