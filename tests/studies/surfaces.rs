@@ -110,6 +110,13 @@ fn surfaces_tell_methods_apart() {
     let methods = found["methods"].as_array().expect("methods");
     let unsolved = methods.iter().find(unsolved).expect("a row");
     assert!(unsolved["early"].is_null() && unsolved["island"].is_null(), "{unsolved}");
+    // The report says why.
+    let reason = unsolved["failure"].as_str().expect("a reason");
+    assert!(reason.contains("out of range") && exact.get("failure").is_none(), "{unsolved}");
+    let text = std::fs::read_to_string(folder.path().join("report.md")).expect("a report");
+    assert!(
+        text.contains(&format!("- Gauss–Legendre, 6 stages, 1: {reason}")) && !text.contains("NaN")
+    );
     // Tables: that of a generating function stays on the surface, and has the island.
     let (splines, _) = of("table of the step in (θ, ρ), cubic splines", Some(33));
     let generating = "table of a generating function, cubic splines";

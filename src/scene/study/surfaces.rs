@@ -46,7 +46,7 @@ pub struct SurfacesOptions {
     pub radii: Vec<f64>,
     /// The angle θ at which all lines begin.
     pub theta: f64,
-    /// Applications of the map.
+    /// The number of applications of the map along each line, at least 2.
     pub steps: usize,
     /// The number of applications up to which points are compared one by one.
     pub early: usize,
@@ -67,7 +67,7 @@ pub struct SurfacesOptions {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StepsInAMap {
-    /// Which.
+    /// The integrator that the networks are compared with.
     pub integrator: Integrator,
     /// Its steps in the flow time.
     pub steps: Vec<usize>,
@@ -120,7 +120,7 @@ impl Study for SurfacesOptions {
         out
     }
 
-    /// Less of all.
+    /// Makes the study shorter: fewer maps, fewer rounds and only the smallest tables.
     fn shorten(&mut self) {
         self.steps = (self.steps / 20).max(self.early).max(self.last).max(2);
         self.island = (self.island / 4).max(LEAST_ISLAND);
@@ -166,8 +166,8 @@ impl Study for SurfacesOptions {
                 });
                 found.push(match one {
                     // Steps that are too long for it say as much of a method as large errors do.
-                    Err(Error::Diverged { .. } | Error::NoConvergence { .. }) => {
-                        judge.lost(&name, Some(steps))
+                    Err(reason @ (Error::Diverged { .. } | Error::NoConvergence { .. })) => {
+                        judge.lost(&name, Some(steps), &reason)
                     }
                     other => other?,
                 });
@@ -179,7 +179,7 @@ impl Study for SurfacesOptions {
         let mut visited = reference.trajectories.values().to_vec();
         if let Some((_, radius)) = system.resonance() {
             // Where islands are looked for.
-            for theta in [0.0, PI] {
+            for theta in [0.0, PI / f64::from(system.poloidal.unsigned_abs())] {
                 let reach = reach_around(radius);
                 visited.extend(system.point(radius - reach, theta));
                 visited.extend(system.point(radius + reach, theta));
@@ -196,7 +196,7 @@ impl Study for SurfacesOptions {
             let stage = format!("surfaces of {name}, {nodes} nodes");
             found.push(context.stage(&stage, |_| match by(&initial.concat(), self.steps) {
                 Ok(orbits) => Ok(judge.of(name, Some(nodes), &orbits, judge.island(&by)?)),
-                Err(_) => Ok::<_, Error>(judge.lost(name, Some(nodes))),
+                Err(reason) => Ok::<_, Error>(judge.lost(name, Some(nodes), &reason)),
             })?);
             if context.interrupted() {
                 return Err(RunError::Interrupted);
@@ -237,6 +237,10 @@ impl Study for SurfacesOptions {
             "early": comparison.without_seconds(),
         });
         let mut summary = vec![Block::Text(words), Block::Table(results.table())];
+        let failures = results.words_of_failures();
+        if !failures.is_empty() {
+            summary.push(Block::Text(failures));
+        }
         if let Some(table) = results.table_of_seeds() {
             summary.push(Block::Text("Each network from several initial weights:".into()));
             summary.push(Block::Table(table));
@@ -336,6 +340,9 @@ struct Found {
     /// The standard deviation of H over its mean, of each line.
     oscillation: Vec<f64>,
     island: Option<[f64; 2]>,
+    /// Why the method has no orbits.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    failure: Option<String>,
 }
 
 impl Found {
@@ -374,11 +381,20 @@ impl Judge<'_> {
         let surfaces = (0..orbits.count()).map(|m| self.surface(orbits, m)).collect();
         let island = island.map(|locked| [locked.low, locked.high]);
         let oscillation = self.oscillation(orbits);
-        Found { name: name.to_owned(), steps, early, early_of_lines, surfaces, oscillation, island }
+        Found {
+            name: name.to_owned(),
+            steps,
+            early,
+            early_of_lines,
+            surfaces,
+            oscillation,
+            island,
+            failure: None,
+        }
     }
 
-    /// What has no orbits.
-    fn lost(&self, name: &str, steps: Option<usize>) -> Found {
+    /// The findings on a method without orbits: NaN for each line, and no island.
+    fn lost(&self, name: &str, steps: Option<usize>, reason: &Error) -> Found {
         let lines = self.reference.count();
         Found {
             name: name.to_owned(),
@@ -388,6 +404,7 @@ impl Judge<'_> {
             surfaces: vec![[f64::NAN; 2]; lines],
             oscillation: vec![f64::NAN; lines],
             island: None,
+            failure: Some(reason.to_string()),
         }
     }
 
@@ -484,7 +501,7 @@ impl SurfacesOptions {
                     Ok(judge.of(name, None, &orbits, judge.island(&by)?))
                 });
                 found.push(match one {
-                    Err(Error::Diverged { .. }) => judge.lost(name, None),
+                    Err(reason @ Error::Diverged { .. }) => judge.lost(name, None, &reason),
                     other => other?,
                 });
                 if context.interrupted() {
@@ -630,6 +647,20 @@ impl Results<'_> {
         )
     }
 
+    /// Why methods have no orbits, a line each; empty where all have some.
+    fn words_of_failures(&self) -> String {
+        let line = |of: &Found| {
+            let steps = of.steps.map_or(String::new(), |steps| format!(", {steps}"));
+            of.failure.as_ref().map(|reason| format!("- {}{steps}: {reason}", of.name))
+        };
+        let lines: Vec<String> = self.found.iter().filter_map(line).collect();
+        if lines.is_empty() {
+            String::new()
+        } else {
+            format!("Without orbits:\n\n{}", lines.join("\n"))
+        }
+    }
+
     fn table(&self) -> Table {
         let mut table = Table::new([
             ("method", Format::Exact),
@@ -648,10 +679,10 @@ impl Results<'_> {
             table.push([
                 name.into(),
                 of.steps.into(),
-                of.early.into(),
-                of.median().into(),
-                of.largest().into(),
-                of.oscillation.iter().copied().fold(0.0, max_or_nan).into(),
+                finite(of.early).into(),
+                finite(of.median()).into(),
+                finite(of.largest()).into(),
+                finite(of.oscillation.iter().copied().fold(0.0, max_or_nan)).into(),
                 width.map_or(Cell::Text("none".into()), Cell::Number),
                 differs.into(),
             ]);
