@@ -10,17 +10,17 @@ pub enum Error {
     /// A file could not be read.
     #[error("{}: cannot be read: {reason}", path.display())]
     Read {
-        /// The file.
+        /// The path of the file that could not be read.
         path: PathBuf,
-        /// What the system said.
+        /// The reason that the system gave for the failure to read.
         reason: String,
     },
     /// A file or folder could not be written.
     #[error("{}: cannot be written: {reason}", path.display())]
     Write {
-        /// The file or folder.
+        /// The path of the file or folder that could not be written.
         path: PathBuf,
-        /// What the system said.
+        /// The reason that the system gave for the failure to write.
         reason: String,
     },
     /// The content of a file is not what it should be.
@@ -28,9 +28,9 @@ pub enum Error {
     Content {
         /// The file and the place in it.
         place: String,
-        /// What was expected.
+        /// What was expected at this place of the file, in words.
         expected: String,
-        /// What was found.
+        /// What was found at this place of the file, in words.
         found: String,
     },
     /// A number that is NaN or infinite.
@@ -38,13 +38,13 @@ pub enum Error {
         "{place}: row {row}, column {column} (counted from 0): expected a finite number, found {value}"
     )]
     NotFinite {
-        /// The file or array.
+        /// The file or array that holds the number.
         place: String,
-        /// The row, from 0.
+        /// The row of the number in the array, counted from 0.
         row: usize,
-        /// The column, from 0.
+        /// The column of the number in the array, counted from 0.
         column: usize,
-        /// The number.
+        /// The number itself, which is NaN or infinite.
         value: f64,
     },
     /// A file of a format newer than this version reads.
@@ -52,9 +52,9 @@ pub enum Error {
         "{}: format version {found}; this version reads up to {supported}: a newer gyroceptron wrote it", path.display()
     )]
     NewerFormat {
-        /// The file.
+        /// The path of the file that has a newer format.
         path: PathBuf,
-        /// Its version.
+        /// The format version of the file.
         found: u64,
         /// The newest version that can be read.
         supported: u64,
@@ -62,19 +62,19 @@ pub enum Error {
     /// A key that no scene has.
     #[error("{place}: unknown key `{key}`{}", nearest.as_ref().map(|n| format!(", did you mean `{n}`?")).unwrap_or_default())]
     UnknownKey {
-        /// The file.
+        /// The file with the unknown key, and the line where the key stands if it is found.
         place: String,
-        /// The key.
+        /// The key that no scene has.
         key: String,
-        /// The nearest known one.
+        /// The known key with the nearest spelling, if there is one that is near.
         nearest: Option<String>,
     },
     /// A number outside its range, which includes its bounds; NaN is outside any range.
     #[error("{name}: expected {}, found {value:?}", range(*low, *high))]
     OutOfRange {
-        /// Which number.
+        /// The name of the number that is out of range.
         name: String,
-        /// Its value.
+        /// The value of the number that is out of range.
         value: f64,
         /// The least that it may be.
         low: f64,
@@ -84,9 +84,9 @@ pub enum Error {
     /// A count outside its range, which includes its bounds.
     #[error("{name}: expected {}, found {found}", count_range(*least, *most))]
     CountOutOfRange {
-        /// What is counted.
+        /// The name of what is counted, for a count that is out of range.
         name: String,
-        /// The count.
+        /// The count that is out of range.
         found: usize,
         /// The least that it may be.
         least: usize,
@@ -96,17 +96,17 @@ pub enum Error {
     /// A count that differs from the one that is required.
     #[error("{name}: expected {expected}, found {found}")]
     WrongCount {
-        /// What is counted.
+        /// The name of what is counted, for a count that is not the required one.
         name: String,
         /// The count that it should be.
         expected: usize,
-        /// The count.
+        /// The count that was found in place of the required one.
         found: usize,
     },
     /// An array that does not consist of whole rows.
     #[error("{name}: expected rows of {columns} numbers, found {found} numbers")]
     Ragged {
-        /// Which array.
+        /// The name of the array that does not consist of whole rows.
         name: String,
         /// The numbers of a row.
         columns: usize,
@@ -118,27 +118,27 @@ pub enum Error {
     Missing {
         /// Where it was looked for.
         place: String,
-        /// What is missing.
+        /// The key of the input that is missing.
         key: &'static str,
-        /// What needs it.
+        /// What needs the missing input, such as a study or a network.
         needed_by: String,
     },
     /// Another error, with the place where it occurred.
     #[error("{place}: {reason}")]
     At {
-        /// The place.
+        /// The place where the error occurred.
         place: String,
-        /// The error.
+        /// The error that occurred at this place.
         reason: Box<Error>,
     },
     /// An invalid argument that no other variant describes.
     #[error("{name}: expected {expected}, found {value}")]
     Invalid {
-        /// Which argument.
+        /// The name of the argument that is invalid.
         name: String,
-        /// Its value.
+        /// The invalid value of the argument, as text.
         value: String,
-        /// What it should be.
+        /// What the argument should be, in words.
         expected: String,
     },
     /// An output folder that holds a run already.
@@ -146,33 +146,33 @@ pub enum Error {
         "{}: holds an earlier run, which is not replaced: give another folder", path.display()
     )]
     OutputExists {
-        /// The folder.
+        /// The path of the folder that holds an earlier run.
         path: PathBuf,
     },
     /// A file that is there already.
     #[error("{}: exists already, and is not replaced: give another name", path.display())]
     FileExists {
-        /// The file.
+        /// The path of the file that exists already.
         path: PathBuf,
     },
     /// A computation that its caller stopped.
     #[error("{what}: stopped before its end")]
     Stopped {
-        /// Which computation.
+        /// The name of the computation that was stopped.
         what: String,
     },
     /// A computation whose numbers are no longer finite.
     #[error("{what}: the numbers ran out of range at {place}")]
     Diverged {
-        /// Which computation.
+        /// The name of the computation whose numbers are no longer finite.
         what: String,
-        /// Where.
+        /// The place where the numbers ran out of range, such as a step.
         place: String,
     },
     /// An iteration that did not converge.
     #[error("{what}: no convergence after {iterations} iterations, last change {change:e}")]
     NoConvergence {
-        /// Which iteration.
+        /// The name of the iteration that did not converge.
         what: String,
         /// How many steps were taken.
         iterations: usize,

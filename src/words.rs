@@ -1,6 +1,6 @@
 //! Numbers in words: what verdicts and tables write alike.
 
-/// `₁₂` of 12.
+/// A number in subscript digits, such as `₁₂` for 12.
 pub(crate) fn subscript(number: usize) -> String {
     const ZERO: u32 = '₀' as u32;
     let digits = number.to_string();
@@ -43,7 +43,7 @@ pub(crate) fn percent(share: f64) -> String {
     }
 }
 
-/// `plane 2 (q₂, p₂)`.
+/// The name of plane j, counted from 0, such as `plane 2 (q₂, p₂)` for j = 1.
 pub(crate) fn plane_name(j: usize) -> String {
     format!("plane {} (q{}, p{})", j + 1, subscript(j + 1), subscript(j + 1))
 }

@@ -297,6 +297,65 @@ fn lines_are_calibrated_and_lost_ones_are_nan() {
     assert!(matches!(far, Err(Error::NoConvergence { .. })));
 }
 
+/// A small ring beside the lines, which carries next to no current: with the points that the error of lines asks for it
+/// is none, and with more of them it is.
+#[test]
+fn coils_near_the_lines_have_more_points() {
+    let coils = Torsatron::default().coils().expect("sound").all().expect("coils");
+    let (guess, reach) = (Some([3.95, 0.0]), 0.05);
+    let request = LineRequest { phi: 0.0, angle: PERIOD, reach, guess, error: 1e-4 };
+    let without = LineSection::new(&coils, request).expect("a section");
+    let needs = without.field().resolved_from();
+    let beside = |distance: f64| -> Vec<Coil> {
+        let at = without.axis()[0] + reach + distance + 0.005;
+        let ring = Coil {
+            cosines: vec![[at, 0.0, 0.0], [0.005, 0.0, 0.0]],
+            sines: vec![[0.0; 3], [0.0, 0.0, 0.005]],
+            current: 1e-3,
+            width: 0.0,
+        };
+        coils.iter().cloned().chain([ring]).collect()
+    };
+    let with = LineSection::new(&beside(0.6 * needs), request).expect("a section");
+    assert!(with.points() > without.points(), "{} and {}", with.points(), without.points());
+    for start in with.starts(20).chunks(2) {
+        let distance = with.field().distance([start[0], 0.0, start[1]]);
+        assert!(distance >= with.field().resolved_from(), "{distance}");
+    }
+    // Across the lines no number of points is enough: the place is said, at once.
+    let error = LineSection::new(&beside(-0.02), request).expect_err("a coil").to_string();
+    assert!(error.contains("(R, Z) = (") && error.contains("distance from a coil"), "{error}");
+    // Nor is there an axis in a coil.
+    let [radius, height] = without.axis();
+    let field = CoilField::new(&coils, without.points()).expect("a field");
+    let map = LineMap::new(&field, 0.0, PERIOD, 32).expect("a map");
+    let error = map.axis([4.875, 0.0]).expect_err("in a winding").to_string();
+    assert!(error.contains("where the search ends") && error.contains("from a coil"), "{error}");
+    assert!(map.axis([radius + 0.01, height]).is_ok());
+}
+
+/// Lines are followed back to where they come from, to the error of the steps.
+#[test]
+fn lines_are_followed_backwards() {
+    let field = torsatron(600);
+    let starts = [3.99, 0.01, 3.92, -0.03];
+    for (steps, error) in [(16, 1e-6), (64, 1e-11)] {
+        let map = LineMap::new(&field, 0.3, PERIOD, steps).expect("a map");
+        let there = map.trajectories(&starts, 1).expect("lines");
+        let back = map.backwards().trajectories(&there, 1).expect("lines");
+        let misses = starts.iter().zip(&back).map(|(a, b)| (a - b).abs()).fold(0.0, max_or_nan);
+        assert!(misses < error, "{steps} {misses:e}");
+        let moved = starts.iter().zip(&there).map(|(a, b)| (a - b).abs()).fold(0.0, max_or_nan);
+        assert!(moved > 1e-3 && map.backwards().angle() == -PERIOD);
+    }
+    // From the end of a part of a period it is another map than back from its beginning.
+    let part = LineMap::new(&field, 0.3, 0.4 * PERIOD, 64).expect("a map");
+    let there = part.trajectories(&starts, 1).expect("lines");
+    let back = part.backwards().trajectories(&there, 1).expect("lines");
+    let misses = starts.iter().zip(&back).map(|(a, b)| (a - b).abs()).fold(0.0, max_or_nan);
+    assert!(misses < 1e-11, "{misses:e}");
+}
+
 #[test]
 fn bad_coils_are_refused() {
     let said = |error: Error| error.to_string();

@@ -170,7 +170,7 @@ pub struct Common {
 
 #[derive(Debug, Args)]
 pub struct Verify {
-    /// The model to certify.
+    /// The file of the model to certify.
     #[arg(long, value_name = "FILE", conflicts_with = "random")]
     pub model: Option<PathBuf>,
     /// Values of controls of a model that depends on some, such as planar=0.02; the others are in the middle of their
@@ -180,7 +180,7 @@ pub struct Verify {
     /// Certify so many gyroceptrons with random weights [default: 10].
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub random: Option<i64>,
-    /// Points for each model.
+    /// The number of points at which each model is tested.
     #[arg(long, value_name = "N", default_value_t = 200, allow_negative_numbers = true)]
     pub samples: i64,
     /// Points are uniform in |z_i| ≤ RADIUS; of a polynomial they are among its pairs.
@@ -218,7 +218,7 @@ pub struct Prove {
     /// point near 0].
     #[arg(long, value_name = "Q,P", value_delimiter = ',', allow_negative_numbers = true)]
     pub from: Vec<f64>,
-    /// Where it ends.
+    /// Where this ray ends, in the same coordinates.
     #[arg(
         long,
         value_name = "Q,P",
@@ -239,7 +239,7 @@ pub struct Prove {
 
 #[derive(Debug, Args)]
 pub struct CheckProof {
-    /// The file of proofs.
+    /// The file of proofs to check.
     #[arg(value_name = "FILE")]
     pub proof: PathBuf,
     /// The model that they are about.
@@ -260,13 +260,13 @@ fn architectures() -> PossibleValuesParser {
 /// What `train` does where nothing else is said.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum RecipeName {
-    /// What we recommend.
+    /// The recommended network and optimiser.
     Recommended,
-    /// That of the paper.
+    /// The gyroceptron of the paper, trained by L-BFGS.
     Paper,
 }
 
-/// The optimisers.
+/// The optimisers of `train` and of scenes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum OptimiserName {
     /// Levenberg–Marquardt.
@@ -282,9 +282,9 @@ pub enum OptimiserName {
 /// Whose units a network is trained in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum UnitsOf {
-    /// Fitted to the pairs.
+    /// Units fitted to the pairs.
     Fitted,
-    /// Those of the data.
+    /// The units of the data.
     Data,
 }
 
@@ -512,14 +512,14 @@ pub enum Outside {
     Warn,
     /// Say which, write nothing, and end with status 1.
     Stop,
-    /// Write them.
+    /// Write them without a warning.
     Ignore,
 }
 
-/// [`GridNumbers`].
+/// How places on a grid are written: see [`GridNumbers`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum GridKind {
-    /// 64-bit integers.
+    /// Multiples of the spacing, as 64-bit integers.
     Integers,
     /// f64 that stay on the grid.
     Floats,
@@ -635,7 +635,7 @@ pub struct Manual {
     pub overwrite: bool,
 }
 
-/// What `export` writes.
+/// The formats that `export` writes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum ExportFormat {
     /// Weights as safetensors.
@@ -664,7 +664,7 @@ impl ExportFormat {
 
 #[derive(Debug, Args)]
 pub struct Export {
-    /// The model.
+    /// The file of the model to export.
     #[arg(long, value_name = "FILE.json")]
     pub model: PathBuf,
     /// The file to write.

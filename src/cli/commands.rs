@@ -118,6 +118,14 @@ fn with_coils(scene: Scene, arguments: &CoilArguments) -> Result<Scene, Error> {
         [radius, height] => Some([radius, height]),
         _ => return Err(Error::invalid("--axis", format!("{axis:?}"), "two numbers, R,Z")),
     };
+    let alone = [("--section-at", section_at.as_slice()), ("--reach", reach.as_slice())];
+    for (name, values) in
+        [("--currents", &**currents), ("--axis", &arguments.axis)].into_iter().chain(alone)
+    {
+        if let Some(value) = values.iter().find(|value| !value.is_finite()) {
+            return Err(Error::invalid(name, value, "finite numbers"));
+        }
+    }
     let coils = match (coils, field_periods) {
         (Some(file), Some(periods)) => Some(Coils::File(CoilFile {
             path: std::path::absolute(file).map_err(|reason| Error::read(file, reason))?,

@@ -44,7 +44,7 @@ pub fn plan(scene: &Scene, arguments: &Run, path: &Path) -> Result<Status, Error
     Ok(Status::Done)
 }
 
-/// Does one job.
+/// Does one job of a scene and prints how it ended.
 pub fn one(scene: &Scene, arguments: &Run, id: &str, path: &Path) -> Result<Status, Error> {
     let request = JobRequest { id, digest: arguments.digest.as_deref() };
     let mut progress = Progress::new();
@@ -93,7 +93,7 @@ pub fn merge_all(scene: &Scene, arguments: &Run, path: &Path) -> Result<Status, 
     }
 }
 
-/// What a run found.
+/// Prints the report of a run, as JSON or as a summary, and returns the exit status.
 pub fn show(report: &Report, path: &Path, as_json: bool) -> Result<Status, Error> {
     if as_json {
         json(&render::json(report))?;

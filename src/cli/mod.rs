@@ -30,7 +30,7 @@ enum Status {
     Interrupted,
 }
 
-/// Bad usage or input.
+/// The exit status of the program for bad usage or input.
 const BAD_INPUT: u8 = 2;
 
 pub fn main() -> ExitCode {

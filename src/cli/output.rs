@@ -29,7 +29,7 @@ pub fn width() -> usize {
     of_terminal().or_else(of_environment).unwrap_or(USUAL)
 }
 
-/// One JSON document.
+/// Prints a value as one JSON document on standard output.
 pub fn json(value: &impl Serialize) -> Result<(), Error> {
     let text = serde_json::to_string_pretty(value)
         .map_err(|reason| Error::invalid("--json", reason, "numbers that JSON can hold"))?;

@@ -203,7 +203,7 @@ pub fn predict(arguments: &Predict) -> Result<Status, Error> {
 #[derive(Serialize)]
 struct Distance {
     steps: usize,
-    /// Over all trajectories.
+    /// The root mean square distance over all trajectories, in units of the data.
     rms: f64,
     largest: f64,
 }

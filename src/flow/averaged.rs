@@ -349,7 +349,7 @@ impl Averaged {
         }
     }
 
-    /// `slope` ← dW/dt.
+    /// Computes the derivative of the averaged point W = `w` by averages over the angles, `slope` ← dW/dt.
     #[inline(always)]
     fn slope<S: Over<f64> + Elementary>(
         &self,
@@ -386,7 +386,7 @@ impl Averaged {
 /// The numbers of a point, of the systems that this is for.
 const MOST: usize = 8;
 
-/// Averaged equations.
+/// The BibTeX entry of the book of Sanders, Verhulst and Murdock on averaged equations.
 const BIBTEX: &str = "@book{SandersVerhulstMurdock2007,
   author = {Sanders, Jan A. and Verhulst, Ferdinand and Murdock, James},
   title = {Averaging Methods in Nonlinear Dynamical Systems},

@@ -76,7 +76,7 @@ pub fn velocity_splitting<S: Elementary>(system: &FullOrbit, z: &mut [S], time: 
     system.set_particle([x, y, vx, vy], z);
 }
 
-/// Boris' method.
+/// The BibTeX entry of the article of Qin et al. on Boris' method.
 const BORIS: &str = "@article{QinEtAl2013,
   author = {Qin, Hong and Zhang, Shuangxi and Xiao, Jianyuan and Liu, Jian and Sun, Yajuan and Tang, William M.},
   title = {Why is {B}oris algorithm so good?},
@@ -112,7 +112,7 @@ fn particle<'a>(method: &impl NumericalMethod, system: &'a System) -> Result<&'a
     }
 }
 
-/// [`boris`] of scenes.
+/// The integrator of scenes that takes steps of [`boris`].
 pub(super) struct Boris;
 
 impl NumericalMethod for Boris {
@@ -147,7 +147,7 @@ impl Method<FullOrbit> for Boris {
     }
 }
 
-/// [`velocity_splitting`] of scenes.
+/// The integrator of scenes that takes steps of [`velocity_splitting`].
 pub(super) struct VelocitySplitting;
 
 impl NumericalMethod for VelocitySplitting {

@@ -17,7 +17,7 @@ use rayon::prelude::*;
 #[derive(Clone, Copy, Debug)]
 pub struct LineMap<'a> {
     field: &'a CoilField,
-    /// φ of the section.
+    /// The toroidal angle φ of the half-plane of the section, in radians.
     phi: f64,
     /// How far lines are followed.
     angle: f64,
@@ -79,6 +79,14 @@ impl<'a> LineMap<'a> {
             before = found;
         }
         Err(Error::NoConvergence { what: "field lines".into(), iterations: steps, change })
+    }
+
+    /// The map that follows lines the other way, from the end of this map to its beginning, with as many steps. It
+    /// undoes this map up to the error of both where the field has the same values an angle of the map further on, as
+    /// it has where this angle is one or more field periods.
+    #[must_use]
+    pub fn backwards(self) -> Self {
+        Self { phi: self.phi + self.angle, angle: -self.angle, ..self }
     }
 
     /// The number of integration steps in one map.
@@ -158,7 +166,7 @@ impl<'a> LineMap<'a> {
         Self { phi: self.phi + from, angle, steps: 1, ..*self }
     }
 
-    /// How far lines are followed.
+    /// The toroidal angle that lines are followed by, in radians: negative of a map [`LineMap::backwards`].
     pub fn angle(&self) -> f64 {
         self.angle
     }
@@ -171,9 +179,9 @@ impl<'a> LineMap<'a> {
     /// The fixed point near a guess, by Newton's method: for a map over one period, the magnetic axis.
     ///
     /// # Errors
-    /// [`Error::NoConvergence`] where it finds none.
+    /// [`Error::NoConvergence`] where it finds none; [`Error::Invalid`] where it ends at a coil, with the place.
     pub fn axis(&self, guess: [f64; 2]) -> Result<[f64; 2], Error> {
-        /// At most.
+        /// The largest number of steps of Newton's method.
         const STEPS: usize = 20;
         let mut place = guess;
         let mut size = f64::NAN;
@@ -193,6 +201,16 @@ impl<'a> LineMap<'a> {
             }
         }
         let what = format!("axis from (R, Z) = ({}, {})", guess[0], guess[1]);
+        let (sin, cos) = Elementary::sin_cos(self.phi);
+        let distance = self.field.distance([place[0] * cos, place[0] * sin, place[1]]);
+        if distance < self.field.resolved_from() {
+            let expected = format!(
+                "a place {:.3e} m or more from a coil: it is {distance:.3e} m from one",
+                self.field.resolved_from()
+            );
+            let found = format!("(R, Z) = ({}, {})", place[0], place[1]);
+            return Err(Error::invalid("where the search ends", found, expected).with_place(what));
+        }
         Err(Error::NoConvergence { what, iterations: STEPS, change: size })
     }
 }

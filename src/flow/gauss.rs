@@ -17,7 +17,7 @@ pub struct GaussLegendre {
     pub matrix: Vec<f64>,
 }
 
-/// P_s(x) and P_s′(x).
+/// The Legendre polynomial of degree s = `stages` and its derivative, (P_s(x), P_s′(x)).
 fn legendre(stages: usize, x: f64) -> (f64, f64) {
     let (mut previous, mut current) = (1.0, x);
     for k in 2..=stages {

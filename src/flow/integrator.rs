@@ -47,35 +47,41 @@ macro_rules! integrators {
 
 integrators! {
     without settings {
-        /// [`runge_kutta_4`](super::runge_kutta_4).
+        /// The classical Runge–Kutta method of order 4, [`runge_kutta_4`](super::runge_kutta_4).
         RungeKutta4 = "runge-kutta-4" by RungeKutta4;
+        /// The Runge–Kutta method of order 4 in natural coordinates,
         /// [`natural_runge_kutta_4`](super::natural_runge_kutta_4).
         NaturalRungeKutta4 = "natural-runge-kutta-4" by InNaturalCoordinates::RUNGE_KUTTA_4;
+        /// The Runge–Kutta method of Dormand and Prince of order 8,
         /// [`Tableau::DORMAND_PRINCE_8`](super::Tableau::DORMAND_PRINCE_8).
         DormandPrince8 = "dormand-prince-8" by DormandPrince8;
-        /// [`Tableau::DORMAND_PRINCE_8`](super::Tableau::DORMAND_PRINCE_8) in natural coordinates.
+        /// The method of order 8 of [`Tableau::DORMAND_PRINCE_8`](super::Tableau::DORMAND_PRINCE_8) in the natural
+        /// coordinates of a system.
         NaturalDormandPrince8 = "natural-dormand-prince-8" by InNaturalCoordinates::DORMAND_PRINCE_8;
-        /// [`Splitting::STRANG`].
+        /// Strang's splitting of order 2, [`Splitting::STRANG`].
         Strang = "strang" by Splitting::STRANG;
-        /// [`Splitting::YOSHIDA_4`].
+        /// Yoshida's splitting of order 4, [`Splitting::YOSHIDA_4`].
         Yoshida4 = "yoshida-4" by Splitting::YOSHIDA_4;
-        /// [`Splitting::ABA_864`].
+        /// The splitting ABA(8,6,4) of nearly integrable systems, [`Splitting::ABA_864`].
         Aba864 = "aba-864" by Splitting::ABA_864;
-        /// [`Splitting::ABA_1064`].
+        /// The splitting ABA(10,6,4) of nearly integrable systems, [`Splitting::ABA_1064`].
         Aba1064 = "aba-1064" by Splitting::ABA_1064;
-        /// [`boris`](super::boris).
+        /// Boris' method for a charged particle, of order 2, [`boris`](super::boris).
         Boris = "boris" by Boris;
+        /// The symplectic splitting for a charged particle, of order 2,
         /// [`velocity_splitting`](super::velocity_splitting).
         VelocitySplitting = "velocity-splitting" by VelocitySplitting;
     }
     with settings {
-        /// [`GaussLegendre`](super::GaussLegendre).
+        /// The implicit Gauss–Legendre method with s stages, of order 2s, [`GaussLegendre`](super::GaussLegendre).
         GaussLegendre = "gauss-legendre" of GaussLegendreSettings;
+        /// Stroboscopic averaging, which integrates the slow motion in long steps,
         /// [`Stroboscopic`](super::Stroboscopic).
         Stroboscopic = "stroboscopic" of StroboscopicSettings;
+        /// Multi-revolution compositions, which replace many fast periods by a few,
         /// [`MultiRevolution`](super::MultiRevolution).
         MultiRevolution = "multi-revolution" of MultiRevolutionSettings;
-        /// [`Averaged`](super::Averaged).
+        /// The averaged equation of first or second order in ε, [`Averaged`](super::Averaged).
         Averaged = "averaged" of AveragedSettings;
     }
 }

@@ -31,7 +31,7 @@ pub struct LineRequest {
 #[derive(Clone, Debug)]
 pub struct LineSection {
     field: CoilField,
-    /// Along each coil.
+    /// The number of points along each coil that the field is summed over.
     points: usize,
     request: LineRequest,
     steps: usize,
@@ -39,9 +39,9 @@ pub struct LineSection {
     error: f64,
 }
 
-/// Points along each coil that are tried first, …
+/// The number of points along each coil that is tried first.
 const FEWEST_POINTS: usize = 120;
-/// … and at most.
+/// The largest number of points along each coil, before rounding up to the symmetry of the map.
 const MOST_POINTS: usize = 2000;
 /// By how much more each time.
 const GROWTH: f64 = 1.5;
@@ -97,6 +97,14 @@ impl LineSection {
         let mut axis = axis_of(&field, coils, &request, &mut pause)?;
         let starts = |axis| starts(axis, request.reach, JUDGES);
         check_kept(&LineMap::new(&field, phi, angle, COARSE)?, axis, &starts(axis))?;
+        let toroidal: f64 = field.cylindrical(axis[0], phi, axis[1])[1];
+        // What no number of points along coils resolves, before steps are found for lines there.
+        let finest = CoilField::new(coils, symmetric(MOST_POINTS))?;
+        for place in starts(axis).chunks_exact(2) {
+            finest
+                .check_at([place[0], place[1]], phi, toroidal.signum())
+                .map_err(|e| e.with_place("reach"))?;
+        }
         // What steps half as long change is the error of the longer ones, by 2⁸ more than theirs.
         let change = request.error * STEPS_GAIN;
         pause()?;

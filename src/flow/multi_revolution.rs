@@ -212,7 +212,7 @@ fn exponential<S: Scalar>(word: &[usize], t: impl Fn(usize) -> S) -> S {
     })
 }
 
-/// Multi-revolution compositions.
+/// The BibTeX entry of the article on multi-revolution compositions.
 const BIBTEX: &str = "@article{ChartierEtAl2014,
   author = {Chartier, Philippe and Makazaga, Joseba and Murua, Ander and Vilmart, Gilles},
   title = {Multi-revolution composition methods for highly oscillatory differential equations},

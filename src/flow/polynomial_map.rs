@@ -220,7 +220,7 @@ const PAIRS: usize = 3000;
 #[derive(Clone, Debug)]
 pub struct TwoFits {
     best: PolynomialMap,
-    /// Of two degrees less.
+    /// The second fit, one or two degrees lower or, where the best degree is below 4, two higher.
     other: PolynomialMap,
 }
 
@@ -282,7 +282,7 @@ impl FormDefect {
     pub fn is_seen(&self, known: f64) -> bool {
         /// What is seen stands so far above what two fits differ by.
         const ABOVE: f64 = 5.0;
-        /// Rounding of a fit.
+        /// The largest defect that is put down to the rounding of a fit.
         const LEAST: f64 = 1e-11;
         !(self.median <= ABOVE * max_or_nan(self.resolution, known) || self.median <= LEAST)
     }

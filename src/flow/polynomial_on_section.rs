@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 pub struct PolynomialOnSection {
     map: SymplecticPolynomial,
     section: Option<Section>,
-    /// Of the pairs.
+    /// The box around the fitted pairs, in coordinates of the data, unless another box was set.
     region: Region,
 }
 

@@ -31,7 +31,7 @@ pub(super) struct Run {
     pub(super) lowest: usize,
     /// By how much degrees in the last one differ.
     pub(super) stride: usize,
-    /// How many there are.
+    /// The number of terms in the run.
     pub(super) terms: usize,
     /// The first coordinate whose degree differs in the next run; 0 in the last run.
     pub(super) closes: usize,

@@ -157,7 +157,7 @@ impl<T> Exit<T> {
 
     /// That the states are outside of `what`, and of the first of them where it is.
     fn sentence(&self, what: &str, first: &str) -> String {
-        /// Rows that are named.
+        /// The largest number of rows that the sentence names.
         const NAMED: usize = 20;
         let Self { rows, states, of, row, step, .. } = self;
         let named: Vec<String> = rows.iter().take(NAMED).map(usize::to_string).collect();

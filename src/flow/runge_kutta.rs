@@ -43,7 +43,7 @@ pub fn natural_runge_kutta_4<S: Elementary>(
     of_field(&Natural(system), x, time, steps);
 }
 
-/// dx/dt in some coordinates.
+/// A vector field that depends on time: dx/dt in some coordinates x.
 pub(super) trait Field {
     fn at<S: Elementary>(&self, x: &[S], time: f64, out: &mut [S]);
 }
@@ -99,7 +99,7 @@ fn of_field<S: Elementary>(field: &impl Field, z: &mut [S], time: f64, steps: us
     }
 }
 
-/// [`runge_kutta_4`] of scenes.
+/// The integrator of scenes that takes steps of [`runge_kutta_4`].
 pub(super) struct RungeKutta4;
 
 impl NumericalMethod for RungeKutta4 {

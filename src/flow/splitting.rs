@@ -211,11 +211,11 @@ impl<P: Real> SplittingSteps<P> {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum MicroSteps {
-    /// [`Splitting::ABA_1064`].
+    /// Steps of the splitting ABA(10,6,4), [`Splitting::ABA_1064`].
     #[default]
     #[serde(rename = "aba-1064")]
     Aba1064,
-    /// [`Splitting::STRANG`].
+    /// Steps of Strang's splitting, [`Splitting::STRANG`].
     Strang,
 }
 

@@ -7,7 +7,7 @@ use super::{MultiRevolution, Splitting};
 use crate::error::Error;
 use crate::system::System;
 
-/// ABA(8,6,4) and ABA(10,6,4).
+/// The BibTeX entry of the article on the splittings ABA(8,6,4) and ABA(10,6,4).
 const NESTED_SPLITTINGS: &str = "@article{BlanesEtAl2013,
   author = {Blanes, Sergio and Casas, Fernando and Farr\\'es, Ariadna and Laskar, Jacques and Makazaga, Joseba and Murua, Ander},
   title = {New families of symplectic splitting methods for numerical integration in dynamical astronomy},

@@ -247,7 +247,7 @@ fn weights(t: f64) -> [f64; 4] {
     ]
 }
 
-/// Their derivatives by t.
+/// The derivatives of the four basis functions of a cell by t.
 #[inline(always)]
 fn slopes(t: f64) -> [f64; 4] {
     let s = 1.0 - t;

@@ -32,7 +32,7 @@ pub struct Stroboscopic {
     micro: usize,
     /// Of M^k − Id and of Id − M^−k, k = 1 …, over P.
     weights: &'static [f64],
-    /// Whether backwards too.
+    /// Whether the differences are central and so need periods backwards in time too.
     central: bool,
     rest: SplittingSteps<f64>,
     rest_steps: usize,
@@ -132,7 +132,7 @@ impl Stroboscopic {
         self.rest.take(system, z, self.rest_steps);
     }
 
-    /// `slope` ← F(z).
+    /// Computes the vector field F of the slow motion by differences of period maps, `slope` ← F(z).
     #[inline(always)]
     fn averaged<S: Over<f64> + Elementary>(
         &self,
@@ -157,7 +157,7 @@ impl Stroboscopic {
     }
 }
 
-/// Stroboscopic averaging.
+/// The BibTeX entry of the article on stroboscopic averaging.
 const BIBTEX: &str = "@article{CalvoEtAl2011,
   author = {Calvo, Mari Paz and Chartier, Philippe and Murua, Ander and Sanz-Serna, Jes\\'us Mar\\'ia},
   title = {Numerical stroboscopic averaging for {ODE}s and {DAE}s},

@@ -42,16 +42,16 @@ pub struct SymplecticPolynomial {
     dof: usize,
     symmetries: Symmetries,
     frame: Frame,
-    /// Of w.
+    /// The products of Chebyshev polynomials of the midpoint w, of which S is a sum.
     basis: ProductBasis,
-    /// Of S.
+    /// The coefficients of the generating function S in the basis, the constant first.
     coefficients: Vec<f64>,
     forward: Solution,
-    /// Of the inverse.
+    /// How the inverse map finds the midpoint w.
     backward: Solution,
 }
 
-/// How w is found.
+/// How the midpoint w of a step is found: a start, and a number of Newton iterations.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Solution {
@@ -152,7 +152,7 @@ const LAST_CHANGE: f64 = 3e-9;
 const NEARLY: f64 = 1e-10;
 /// And what its inverse times it has on the diagonal is 1 to this.
 const ON_DIAGONAL: f64 = 1e-6;
-/// In errors.
+/// The name of what is fitted, in error messages.
 const NAME: &str = "a generating function";
 const REVERSIBLE: &str = "the linear part of a reversible map";
 /// A fit has so many numbers for each coefficient, at least.
@@ -1025,7 +1025,7 @@ impl Frame {
         }
     }
 
-    /// u.
+    /// The coordinates u = K(z − c) of a point z.
     fn enter(&self, z: &[f64]) -> Vec<f64> {
         let off = difference(z, &self.from);
         self.entry.as_ref().map_or_else(|| off.clone(), |entry| apply(entry, &off))
@@ -1042,7 +1042,7 @@ fn reflected(points: &[f64], dim: usize, half: Half) -> Vec<f64> {
     points.iter().enumerate().map(|(k, v)| if is_own(k) { -*v } else { *v }).collect()
 }
 
-/// R times a matrix.
+/// The product of the reflection R of one half of the coordinates and a matrix.
 fn rows_reflected(matrix: &[f64], dim: usize, half: Half) -> Vec<f64> {
     let is_own = |row: usize| (row < dim / 2) == (half == Half::Position);
     matrix.iter().enumerate().map(|(k, v)| if is_own(k / dim) { -*v } else { *v }).collect()

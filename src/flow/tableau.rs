@@ -12,7 +12,7 @@ use crate::system::{Hamiltonian, NaturalCoordinates, System, each_system};
 pub struct Tableau<'a> {
     /// c_i, and (j, a_ij) for stages j before.
     pub stages: &'a [(f64, &'a [(usize, f64)])],
-    /// (i, b_i).
+    /// The pairs (i, b_i) of a stage i and its weight b_i, where this is not 0.
     pub weights: &'a [(usize, f64)],
 }
 
@@ -202,7 +202,7 @@ pub(super) const DORMAND_PRINCE: &str = "@book{HairerNorsettWanner1993,
 }
 ";
 
-/// [`Tableau::DORMAND_PRINCE_8`] of scenes.
+/// The integrator of scenes that takes steps of [`Tableau::DORMAND_PRINCE_8`].
 pub(super) struct DormandPrince8;
 
 impl NumericalMethod for DormandPrince8 {

@@ -23,7 +23,7 @@ pub struct TabulatedLines {
     steps: usize,
     /// Angles of the planes beyond the section, growing.
     angles: Vec<f64>,
-    /// The slopes on each.
+    /// The polynomials of (R, Z) that give the slopes dR/dφ and dZ/dφ on each plane.
     planes: Vec<PolynomialMap>,
     /// The box of the lines on the section, a little wider.
     region: Region,

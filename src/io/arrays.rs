@@ -260,7 +260,7 @@ struct SectionControls {
     /// Row by row: (rows, controls).
     values: Vec<f64>,
     rows: usize,
-    /// Their mean.
+    /// The mean over the rows of the value of each control.
     origin: Vec<f64>,
 }
 

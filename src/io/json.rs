@@ -376,7 +376,7 @@ impl StoredModel {
         self.units.iter().for_each(|units| units.to_network(points));
     }
 
-    /// And back.
+    /// Points from the coordinates of the network to those of the data: NaN outside of a section.
     pub(super) fn to_data(&self, points: &mut [f64]) {
         self.units.iter().for_each(|units| units.to_data(points));
         self.section.iter().for_each(|section| section.to_data(points));

@@ -18,9 +18,9 @@ pub(super) enum Named {
         /// The parameter ε of the file.
         epsilon: f64,
     },
-    /// A symplectic gyroceptron.
+    /// A symplectic gyroceptron of Hénon layers.
     Gyroceptron {
-        /// Circle action and widths.
+        /// The circle action, and the widths of the layers of ψ and I_ε.
         #[serde(flatten)]
         shape: GyroceptronShape,
         /// The parameter ε of the file.
@@ -36,15 +36,15 @@ pub(super) enum Named {
     },
     /// A gyroceptron of affine couplings: not symplectic.
     CouplingGyroceptron {
-        /// Circle action and widths.
+        /// The circle action, the widths of the couplings of ψ and I_ε, and the flow time.
         #[serde(flatten)]
         shape: CouplingGyroceptronShape,
         /// The parameter ε of the file.
         epsilon: f64,
     },
-    /// An LA-SympNet.
+    /// An LA-SympNet: linear modules with an activation module between each two of them.
     SympNet {
-        /// Modules, shears and activation.
+        /// The degrees of freedom, the numbers of modules and shears, and the activation.
         #[serde(flatten)]
         shape: SympNetShape,
     },

@@ -137,9 +137,9 @@ pub fn parse_polynomial(place: &str, bytes: &[u8]) -> Result<StoredPolynomial, E
 /// What a file of a map holds.
 #[derive(Clone, Debug)]
 pub enum StoredMap {
-    /// A network.
+    /// A network, with its units, section and provenance.
     Network(Box<StoredModel>),
-    /// A symplectic polynomial.
+    /// A symplectic polynomial, with its section and provenance.
     Polynomial(Box<StoredPolynomial>),
 }
 

@@ -62,7 +62,7 @@ pub fn parse(
     Ok(tensors)
 }
 
-/// `psi.0.w_in` of `psi_layers/0/W_in`.
+/// The name of a tensor in this crate, such as `psi.0.w_in` for `psi_layers/0/W_in`.
 fn renamed(name: &str) -> String {
     let parts: Vec<&str> = name.split('/').collect();
     match parts[..] {
@@ -99,7 +99,7 @@ fn length(bytes: &mut &[u8]) -> Option<usize> {
     usize::try_from(varint(bytes)?).ok()
 }
 
-/// Keys and values.
+/// The keys of a table, each with its value, as bytes.
 type Entries = Vec<(Vec<u8>, Vec<u8>)>;
 
 /// The keys and values of a table.
@@ -147,7 +147,7 @@ fn block(table: &[u8], handle: &mut &[u8]) -> Option<Entries> {
     Some(out)
 }
 
-/// Where a tensor is.
+/// The entry of a tensor in the index: its number type, shape, place and checksum.
 #[derive(Default)]
 struct Entry {
     /// 1 for float32, 2 for float64.

@@ -33,9 +33,9 @@ use std::path::Path;
 /// The file formats of weights.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WeightsFormat {
-    /// `.safetensors`.
+    /// The format of `.safetensors` files.
     Safetensors,
-    /// `.npz`.
+    /// The format of `.npz` archives of NumPy.
     Npz,
 }
 

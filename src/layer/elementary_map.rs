@@ -123,9 +123,9 @@ pub trait OfMomenta<P: Scalar>: ElementaryMap<P> {
 /// p += c f(q/ρ), f a series of Chebyshev polynomials.
 #[derive(Clone, Copy, Debug)]
 pub struct PlaneKick<'a, P> {
-    /// The Chebyshev series f.
+    /// The Chebyshev series f of the kick.
     pub series: Series<'a, P>,
-    /// 1/ρ.
+    /// The inverse 1/ρ of the radius ρ of the box.
     pub inverse_radius: f64,
     /// The factor c of the map.
     pub scale: P,

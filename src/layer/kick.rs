@@ -77,7 +77,7 @@ impl<'a, P: Scalar, V> Kick<'a, P, V> {
         self.add(gradient, target);
     }
 
-    /// target += c·∇V.
+    /// Adds the multiple c of the gradient to the target, target += c·∇V.
     #[inline(always)]
     fn add<S: Over<P>>(&self, gradient: &[S], target: &mut [S]) {
         for i in 0..target.len() {

@@ -97,13 +97,13 @@ impl<'a, P: Copy> PolynomialPotential<'a, P> {
         is_one.then(|| (self.series(0), self.inverse_half(0)))
     }
 
-    /// ∂x_i/∂y_i.
+    /// The derivative ∂x_i/∂y_i, one over half the extent of the argument number i.
     #[inline(always)]
     fn inverse_half(&self, i: usize) -> f64 {
         if i < self.actions.len() { self.actions[i].inverse_half } else { 1.0 / self.radius }
     }
 
-    /// x_i.
+    /// The normalised argument x_i, which is in [−1, 1] inside the box.
     #[inline(always)]
     fn normalised<S: Scalar>(&self, i: usize, y: &[S]) -> S {
         let inverse_half = S::from_f64(self.inverse_half(i));
@@ -280,11 +280,11 @@ impl<'a, P: Copy> PolynomialPotential<'a, P> {
 
 /// One polynomial P of the argument s: V = ρP(s) + ….
 pub(crate) struct OneRidge {
-    /// s.
+    /// The argument s of the polynomial at a point y.
     pub(crate) s: f64,
     /// What s is the sum of, in absolute values.
     pub(crate) size: f64,
-    /// ∂s/∂y.
+    /// The derivatives ∂s/∂y of the argument by each of the n numbers of y.
     pub(crate) slopes: Vec<f64>,
 }
 
@@ -307,7 +307,7 @@ impl PolynomialPotential<'_, f64> {
         })
     }
 
-    /// ρ.
+    /// The radius ρ of the box, half its extent along each coordinate.
     pub(crate) fn radius(&self) -> f64 {
         self.radius
     }

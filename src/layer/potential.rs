@@ -11,7 +11,7 @@ pub trait Potential<S: Scalar> {
     /// n, the length of `y`.
     fn dof(&self) -> usize;
 
-    /// `out` ← ∇V(y).
+    /// Computes the gradient of V at y, `out` ← ∇V(y), n numbers.
     fn gradient(&self, y: &[S], out: &mut [S]);
 }
 

@@ -25,7 +25,7 @@ pub enum Reversor {
 }
 
 impl Reversor {
-    /// Both reflections.
+    /// Both reversors: the reflection of the positions and that of the momenta.
     pub const ALL: [Self; 2] = [Self::Positions, Self::Momenta];
 
     /// The half of the coordinates whose signs it changes.
@@ -77,7 +77,7 @@ impl Reversor {
 pub struct Reflection {
     /// The degrees of freedom n.
     pub dof: usize,
-    /// The reflection S.
+    /// The reflection S that the step applies to a point.
     pub reversor: Reversor,
 }
 

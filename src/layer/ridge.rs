@@ -105,9 +105,9 @@ impl Ridges {
 /// are always neurons: for polynomials the gain is not worth the compile time.
 #[derive(Clone, Copy, Debug)]
 pub enum RidgePotential<'a, P, const D: usize = 0> {
-    /// Neurons.
+    /// A potential that is a sum of neurons.
     Neurons(NeuronPotential<'a, P, D>),
-    /// Polynomials.
+    /// A potential that is a sum of polynomials of linear forms.
     Polynomial(PolynomialPotential<'a, P>),
 }
 

@@ -23,7 +23,7 @@ use std::ops::{Add, Mul, Neg, Sub};
 pub struct TurnFraction(i64);
 
 impl TurnFraction {
-    /// The angle 2π·k/2⁶⁴.
+    /// The angle 2π·k/2⁶⁴ of k steps, of which 2⁶⁴ make a full turn.
     pub const fn new(k: i64) -> Self {
         Self(k)
     }

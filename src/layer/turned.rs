@@ -40,7 +40,7 @@ impl<'a, P: Scalar, const D: usize> TurnedKick<'a, P, D> {
 }
 
 impl<'a, P: Scalar, const D: usize> TurnedKick<'a, P, D> {
-    /// R(φ) and the kick.
+    /// The rotation R(φ) of the planes, and the kick K in the rotated coordinates.
     pub(crate) fn turn_and_kick(self) -> (&'a Turn<P>, Kick<'a, P, RidgePotential<'a, P, D>>) {
         (self.turn, self.shear)
     }

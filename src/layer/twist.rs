@@ -87,7 +87,7 @@ impl FastPlanes {
         S::from_f64(self.weights[number * self.circles + circle].into())
     }
 
-    /// `actions` ← 𝔍_a.
+    /// Computes the action of each circle at z, `actions` ← 𝔍_a.
     #[inline(always)]
     fn actions<S: Scalar>(&self, z: &[S], actions: &mut [S]) {
         for (circle, action) in actions.iter_mut().enumerate() {
@@ -416,7 +416,7 @@ impl<'a, P: Scalar, const D: usize> Twist<'a, P, D> {
         self.scale.is_zero()
     }
 
-    /// `argument` ← `[…, y]`.
+    /// Copies the slow coordinates y that the shear leaves alone behind the actions, `argument` ← `[…, y]`.
     #[inline(always)]
     fn source<S: Scalar>(&self, layer: &Layer<'a, P, D>, z: &[S], argument: &mut [S]) {
         for (i, &j) in self.planes().slow.iter().enumerate() {

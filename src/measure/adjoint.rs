@@ -14,7 +14,7 @@ pub const RESOLVED: f64 = 1e-5;
 /// A parametrised map with a pullback, evaluated on numbers that bound their
 /// own rounding errors.
 pub trait Adjoint {
-    /// The current parameters.
+    /// The current parameters of the map, in one vector.
     fn parameters(&self) -> Vec<f64>;
 
     /// z ← P(z) with a derivative in one direction of (parameters, z).

@@ -13,13 +13,13 @@ use std::f64::consts::TAU;
 /// a circle action.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum CircleAxiom {
-    /// Φ₀ = Id.
+    /// The action of the angle 0 is the identity, Φ₀ = Id.
     Identity,
     /// Φ_{θ + 2π} = Φ_θ.
     Periodicity(f64),
     /// Φ_{θ₁ + θ₂} = Φ_{θ₁}∘Φ_{θ₂}.
     Additivity(f64, f64),
-    /// Φ_{−θ}∘Φ_θ = Id.
+    /// The action of −θ undoes that of θ, Φ_{−θ}∘Φ_θ = Id.
     Inverse(f64),
 }
 

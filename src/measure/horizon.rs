@@ -32,7 +32,7 @@ pub struct AdiabaticOrbit {
 #[derive(Serialize, Deserialize)]
 struct Stored {
     w: Vec<u64>,
-    /// initial, largest, settled.
+    /// The bits of `initial`, `largest` and `settled`, in this order.
     values: [u64; 3],
     steps: u64,
     settling: u64,

@@ -55,7 +55,7 @@ pub trait Measurable: Map<f64> {
 /// Layers with their directions, each to be measured alone.
 pub type Layers<'a> = Vec<(Direction, Box<dyn Measurable + 'a>)>;
 
-/// Layers applied forward.
+/// Layers that are all applied forward, each to be measured alone.
 fn forward_layers<'a, M: Measurable + 'a>(layers: impl Iterator<Item = M>) -> Layers<'a> {
     let boxed = |layer| Box::new(layer) as Box<dyn Measurable + 'a>;
     layers.map(|layer| (Direction::Forward, boxed(layer))).collect()

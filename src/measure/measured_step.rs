@@ -261,7 +261,7 @@ impl<S: Over<f64>, V: Potential<S> + Copy> Map<S> for KickMap<'_, V> {
 /// A kick with the scales of its errors derived by hand.
 #[derive(Clone, Copy, Debug)]
 pub struct KickStep<'a, V> {
-    /// The kick.
+    /// The kick whose errors are measured.
     pub kick: Kick<'a, f64, V>,
 }
 
@@ -554,7 +554,7 @@ impl<M> Numbers for M where M: Map<f64> + Map<Dual<f64, 8>> + Map<Dual<Tracked, 
 /// nothing has to be derived by hand or taken on trust.
 #[derive(Clone, Copy, Debug)]
 pub struct TrackedStep<M> {
-    /// The map.
+    /// The map whose errors are measured.
     pub map: M,
     /// Whether the step is the map or its inverse.
     pub direction: Direction,

@@ -37,7 +37,7 @@ pub(super) struct TwistStep<'a, const D: usize>(pub(super) Twist<'a, f64, D>);
 struct Parts<'a, const D: usize> {
     d: usize,
     steps: Vec<TrackedStep<TwistPart<'a, D>>>,
-    /// Before each part.
+    /// The point that each part is applied to, of d numbers.
     points: Vec<Vec<f64>>,
     /// The derivatives of all parts before each, and of all after it: d × d, row by row.
     before: Vec<Vec<f64>>,

@@ -41,7 +41,7 @@ impl PeriodicOrbit {
     }
 }
 
-/// Newton steps, at most.
+/// The largest number of steps of Newton's method in the search for an orbit.
 const STEPS: usize = 40;
 /// A step is halved so often, at most, where the orbit is not nearer after it.
 const HALVINGS: usize = 12;

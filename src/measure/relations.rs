@@ -38,7 +38,7 @@ impl Relation {
         z.iter_mut().for_each(|v| *v *= factor);
     }
 
-    /// The inverse relation.
+    /// The relation that undoes the changes of this one.
     fn undone(self) -> Self {
         match self {
             Self::Scaling(k) => Self::Scaling(-k),

@@ -30,7 +30,7 @@ pub fn simpson(values: &[f64], interval: f64) -> f64 {
 /// rises, where a value is NaN, or where the root mean square of the deviations is no more than 5 % of
 /// the mean.
 pub fn mean_period(values: &[f64], interval: f64) -> Option<f64> {
-    /// Less is a ripple.
+    /// The least root mean square deviation, over the mean, that counts as an oscillation.
     const LEAST_SWING: f64 = 0.05;
     let mean = values.iter().sum::<f64>() / values.len() as f64;
     let deviations: Vec<f64> = values.iter().map(|value| value - mean).collect();

@@ -68,7 +68,7 @@ impl Differences {
 
 /// Of the right side g on the circle through a point, what the equation of the homology gives at the point itself.
 struct Solved {
-    /// −Σ_{k≠0} g_k/(1 − e^{−ikθ}).
+    /// The solution without its mean at the point, −Σ_{k≠0} g_k/(1 − e^{−ikθ}).
     value: f64,
     /// Σ_{k≠0} g_k/(ik(1 − e^{−ikθ})), whose derivative along the circle is −`value`.
     generator: f64,

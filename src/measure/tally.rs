@@ -101,9 +101,9 @@ impl Row {
 enum Soundness {
     /// Nothing: the results are no ratios.
     Any,
-    /// [`SOUND_DEVIATION`].
+    /// The upper decile of the nonzero results has to reach [`SOUND_DEVIATION`].
     Deviations,
-    /// [`SOUND_DECILE`].
+    /// The upper decile of all results has to reach [`SOUND_DECILE`].
     Errors,
 }
 

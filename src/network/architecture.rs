@@ -517,7 +517,8 @@ impl Architecture {
         [chart, inner]
     }
 
-    /// A∘Φ_θ∘T_ε∘S∘A⁻¹∘S, A = R∘ψ_ε∘K_ε.
+    /// The reversible map A∘Φ_θ∘T_ε∘S∘A⁻¹∘S, A = R∘ψ_ε∘K_ε; with slow coordinates, T_ε over half the time begins A
+    /// instead.
     fn reversible_composition<P: Real>(
         &self,
         reversor: Reversor,
@@ -547,7 +548,7 @@ impl Architecture {
         out
     }
 
-    /// The whole map.
+    /// The whole map of the network, R∘I_ε∘χ∘K_ε∘Φ_θ∘T_ε∘χ⁻¹, or its reversible form.
     pub(super) fn composition<P: Real>(&self, epsilon: P, parameters: Vec<P>) -> Composition<P> {
         let [chart, inner] = self.chart_and_inner_map(epsilon, &parameters);
         let mut out = self.without_steps(epsilon, parameters);

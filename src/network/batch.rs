@@ -371,7 +371,7 @@ impl Part {
         self.first * size..(self.first + self.count) * size
     }
 
-    /// Of so many points.
+    /// The number of evaluations of the map in this part, for this number of points.
     fn evaluations(&self, points: usize) -> usize {
         self.steps.saturating_mul(self.count).saturating_mul(points)
     }

@@ -68,7 +68,7 @@ impl Part {
         }
     }
 
-    /// The name in files.
+    /// The name of the part in files.
     fn name(self) -> &'static str {
         match self {
             Self::Conjugation => "conjugation",
@@ -89,7 +89,7 @@ pub enum Scale {
     None,
     /// ε: the block is the identity at ε = 0.
     Epsilon,
-    /// h, the flow time.
+    /// The flow time h as the factor.
     Time,
     /// εh, the product of ε and the flow time.
     EpsilonTime,
@@ -116,9 +116,9 @@ impl Scale {
 /// application.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Layers {
-    /// [Hénon layers](crate::layer::HenonLayer).
+    /// [Hénon layers](crate::layer::HenonLayer) of four kicks each, with these widths.
     Henon(Vec<usize>),
-    /// [Kicks in turned coordinates](crate::layer::TurnedKick).
+    /// [Kicks in turned coordinates](crate::layer::TurnedKick), with these widths.
     TurnedKick(Vec<usize>),
     /// The shears of one [twist](crate::layer::Twist): the first, the third and so on change the
     /// positions and have a quadratic form in addition to neurons, of which they need few or none.
@@ -259,7 +259,7 @@ impl Layers {
         }
     }
 
-    /// The name in files.
+    /// The name of the kind of layer in files.
     pub fn name(&self) -> &'static str {
         match self {
             Self::Henon(_) => "henon",
@@ -293,7 +293,7 @@ impl Layers {
         matches!(self, Self::Twist(_) | Self::TurnedTwist(_))
     }
 
-    /// Whether they turn planes.
+    /// Whether the layers rotate planes (q_j, p_j).
     pub(super) fn is_of_planes(&self) -> bool {
         !matches!(self, Self::Henon(_) | Self::SympNet(_))
     }
@@ -527,7 +527,7 @@ impl Block {
         }
     }
 
-    /// The number of parameters.
+    /// The number of parameters of all layers of the block.
     pub(super) fn parameter_count(&self, of: Surroundings) -> usize {
         match &self.layers {
             // It may claim more modules than can be gone through.
@@ -691,7 +691,7 @@ struct Uniform {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(untagged, expecting = "a number of neurons, or two by turns")]
 pub enum Alternating {
-    /// The same for all.
+    /// One width that all layers have.
     Same(usize),
     /// The width of the first, the third and so on, and that of the others.
     Two([usize; 2]),

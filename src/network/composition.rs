@@ -49,7 +49,7 @@ impl Kernel for OnePoint<'_> {
     }
 }
 
-/// [`ElementaryMap::tape_len`] and [`ElementaryMap::activation_count`].
+/// A visitor that returns [`ElementaryMap::tape_len`] and [`ElementaryMap::activation_count`] of a step.
 #[derive(Clone, Copy)]
 struct Sizes;
 
@@ -61,7 +61,7 @@ impl<'a, P: Scalar> Visitor<'a, P> for Sizes {
     }
 }
 
-/// [`ElementaryMap::reach`].
+/// A visitor that returns [`ElementaryMap::reach`] of a step from the point `z`.
 struct Reach<'s> {
     z: &'s [f64],
     scratch: &'s mut [f64],
@@ -95,7 +95,7 @@ impl<P: Scalar> Composition<P> {
         Self { dof, steps, parameters, epsilon, turns, controls }
     }
 
-    /// Appends a step.
+    /// Appends a step, which is applied after all others.
     pub(super) fn push(&mut self, step: Step) {
         self.steps.push(step);
     }

@@ -21,9 +21,10 @@ pub enum InitialWeights {
     /// identity only at second order.
     Glorot,
     /// Normal with standard deviation `scale` for all of W, b, w and η, and for all
-    /// parameters of SympNets; `scale`³√h for the quadratic forms of twists of h neurons.
+    /// parameters of SympNets; `scale`³√h for the quadratic forms of twists of h neurons. Directions of polynomials are
+    /// uniform, and their coefficients have the deviation `scale`/√degree.
     Normal {
-        /// The standard deviation.
+        /// The standard deviation of the normal law.
         scale: f64,
     },
 }

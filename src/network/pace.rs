@@ -24,7 +24,7 @@ use std::time::{Duration, Instant};
 /// ```
 pub struct Pace<'a> {
     go_on: Option<&'a mut dyn FnMut() -> bool>,
-    /// Evaluations in a part.
+    /// The number of evaluations in the next part.
     size: usize,
     start: Instant,
 }

@@ -84,7 +84,7 @@ impl std::fmt::Display for LayerSizes {
 pub enum Circles {
     /// None: it has no ε and no angle.
     None,
-    /// One circle.
+    /// One circle, with an angle θ.
     One,
     /// One or several, an angle for each.
     Several,
@@ -109,7 +109,7 @@ pub struct NamedArchitecture {
     make: fn(&NetworkSpec, &Placed<'_>) -> Architecture,
 }
 
-/// What surrounds a network.
+/// The circles, ε and flow time of the set-up that a network is made for.
 struct Placed<'a> {
     action: &'a TorusAction,
     epsilon: f64,

@@ -49,14 +49,14 @@ pub enum Kind {
     },
     /// An affine coupling in turned coordinates; its first n parameters are the angles.
     TurnedCoupling {
-        /// The number of neurons.
+        /// The number h of neurons of the coupling.
         width: usize,
         /// Which of the composition's prepared turns.
         prepared: usize,
     },
     /// The flow of functions of the actions and of half the slow coordinates.
     Twist {
-        /// Its shears.
+        /// The shears that the twist is composed of.
         shears: Arc<TwistShears>,
         /// If the shears are turned, the index of the composition's prepared turn for the first
         /// shear; those of the others follow.
@@ -71,7 +71,7 @@ pub enum Kind {
     },
     /// An activation module of a SympNet.
     Activation {
-        /// The activation σ.
+        /// The activation σ of the module.
         activation: Activation,
         /// The half that it changes.
         target: Half,
@@ -148,7 +148,7 @@ pub trait Visitor<'a, P: Scalar>: Sized {
         self.visit(kick)
     }
 
-    /// Takes a twist.
+    /// Takes a twist, by default as a step of any kind.
     #[inline(always)]
     fn visit_twist<const D: usize>(self, twist: Twist<'a, P, D>) -> Self::Output {
         self.visit(twist)
@@ -160,7 +160,7 @@ pub trait Visitor<'a, P: Scalar>: Sized {
         self.visit(coupling)
     }
 
-    /// Takes a turn.
+    /// Takes a turn by angles that are parameters, by default as a step of any kind.
     #[inline(always)]
     fn visit_turn(self, turn: TurnStep<'a, P>) -> Self::Output {
         self.visit(turn)

@@ -71,14 +71,14 @@ impl Half {
 /// A map, or its inverse.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Direction {
-    /// The map.
+    /// The map itself, z ← P(z).
     Forward,
-    /// Its inverse.
+    /// The inverse of the map, z ← P⁻¹(z).
     Inverse,
 }
 
 impl Direction {
-    /// The opposite direction.
+    /// The opposite direction: the inverse of the map, or the map of its inverse.
     pub fn reversed(self) -> Self {
         match self {
             Self::Forward => Self::Inverse,

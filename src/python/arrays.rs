@@ -19,9 +19,9 @@ impl<'py> FromPyObject<'_, 'py> for Rows<'py> {
     }
 }
 
-/// Points of 2n numbers.
+/// An array of points of 2n numbers each, with any leading dimensions.
 pub(super) struct Points {
-    /// Point by point.
+    /// The numbers of all points, one point after another.
     pub(super) values: Vec<f64>,
     /// The dimensions before the last: none of one point alone.
     pub(super) leading: Vec<usize>,
@@ -102,12 +102,17 @@ pub(super) fn read(name: &str, rows: &Rows<'_>) -> PyResult<(Vec<f64>, Vec<usize
 
 /// The points of an array of shape (…, 2n).
 pub(super) fn points_of(name: &str, rows: &Rows<'_>, dof: usize) -> PyResult<Points> {
+    points_of_width(name, rows, 2 * dof)
+}
+
+/// The points of an array of shape (…, width).
+pub(super) fn points_of_width(name: &str, rows: &Rows<'_>, width: usize) -> PyResult<Points> {
     let (values, mut leading) = read(name, rows)?;
     let Some(columns) = leading.pop() else {
-        let expected = format!("an array whose last dimension is {}", 2 * dof);
+        let expected = format!("an array whose last dimension is {width}");
         return Err(Error::invalid(name, "a number alone", expected).into());
     };
-    Error::check_count(&format!("{name}: columns"), 2 * dof, columns)?;
+    Error::check_count(&format!("{name}: columns"), width, columns)?;
     let count = values.len() / columns;
     Error::check_count_range(&format!("{name}: rows"), count, 1, usize::MAX)?;
     crate::flow::check_finite(name, &values, columns)?;

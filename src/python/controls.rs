@@ -80,7 +80,7 @@ pub(super) fn checked(
     Ok(values)
 }
 
-/// See `Model.control_derivatives`.
+/// The derivatives of a step by the controls, as `Model.control_derivatives` returns them.
 pub(super) fn derivatives<'py>(
     py: Python<'py>,
     stored: &StoredModel,
@@ -95,7 +95,7 @@ pub(super) fn derivatives<'py>(
     array(py, found, points.shape(&[], &[2 * dof, values.len()]))
 }
 
-/// See `Model.orbit_response`.
+/// A periodic orbit and its derivatives by the controls, as `Model.orbit_response` returns them.
 pub(super) fn orbit_response<'py>(
     py: Python<'py>,
     stored: &StoredModel,

@@ -1,14 +1,17 @@
 //! Field lines of coils in Python.
 
-use super::arrays::{Rows, array, points_of};
+use super::arrays::{Rows, array, points_of, points_of_width};
 use super::interruptible;
 use super::orbits::{self, OrbitMap};
+use super::outside::{box_of, survived};
 use crate::error::Error;
 use crate::flow::{LineRequest, LineSection};
 use crate::io::{read_coils, write_section};
 use crate::layer::Reversor;
-use crate::measure::orbits::{SymmetryLine, lyapunov_exponent, smaller_alignment_index};
+use crate::measure::orbits::{Branch, SymmetryLine, lyapunov_exponent, smaller_alignment_index};
 use crate::network::Pace;
+use crate::phase::Direction;
+use crate::scalar::Dual;
 use crate::system::Torsatron;
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
@@ -150,6 +153,21 @@ impl FieldLines {
         array(py, states, points.shape(&[maps + 1], &[2]))
     }
 
+    /// The points from which lines come to `points`, (..., 2), in one map, followed backwards: an array of the same
+    /// shape. It undoes a map up to the error of both; a line is lost as in `trace`.
+    fn inverse<'py>(
+        &self,
+        py: Python<'py>,
+        points: Rows<'py>,
+    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        let points = points_of("points", &points, 1)?;
+        let back = self.section.map().backwards();
+        let values = super::by_parts(py, "field lines", 2, &points.values, |part| {
+            back.trajectories(part, 1)
+        })?;
+        array(py, values, points.shape(&[], &[2]))
+    }
+
     /// The Jacobians of a map at `points`, (..., 2), by dual numbers: (..., 2, 2).
     fn jacobian<'py>(
         &self,
@@ -179,6 +197,41 @@ impl FieldLines {
                 .collect())
         })?;
         array(py, values, points.shape(&[], &[]))
+    }
+
+    /// The magnetic field of the coils at `places`, (..., 3), Cartesian x, y and z in metres, by the law of Biot and
+    /// Savart: Bx, By and Bz in tesla, (..., 3).
+    fn field<'py>(
+        &self,
+        py: Python<'py>,
+        places: Rows<'py>,
+    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        let places = points_of_width("places", &places, 3)?;
+        let field = self.section.field();
+        let values = super::by_parts(py, "field", 3, &places.values, |part| {
+            Ok(part.as_chunks().0.iter().flat_map(|place| field.at(*place)).collect())
+        })?;
+        array(py, values, places.shape(&[], &[3]))
+    }
+
+    /// The derivatives of `field` at `places`, (..., 3), by dual numbers, in tesla per metre: (..., 3, 3), where [i, j]
+    /// is that of component i along coordinate j.
+    fn field_gradient<'py>(
+        &self,
+        py: Python<'py>,
+        places: Rows<'py>,
+    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        let places = points_of_width("places", &places, 3)?;
+        let field = self.section.field();
+        let gradient = |[x, y, z]: &[f64; 3]| {
+            let place: [Dual<f64, 3>; 3] =
+                [Dual::variable(*x, 0), Dual::variable(*y, 1), Dual::variable(*z, 2)];
+            field.at(place).map(|component| component.eps)
+        };
+        let values = super::by_parts(py, "field", 3, &places.values, |part| {
+            Ok(part.as_chunks().0.iter().flat_map(gradient).flatten().collect())
+        })?;
+        array(py, values, places.shape(&[], &[3, 3]))
     }
 
     /// Writes |B_phi| in tesla, with its value on the axis as `scale`, on a grid of a box a little wider than that of
@@ -247,6 +300,50 @@ impl FieldLines {
         reach: f64,
     ) -> PyResult<Option<Bound<'py, PyDict>>> {
         orbits::island_of(py, &self.section, &guess, period, &around, reach)
+    }
+
+    /// A branch of the unstable or the stable manifold of the periodic orbit of `period` maps near `guess`, in metres:
+    /// points (N, 2), as of `Model.manifold`. The stable one is followed backwards. Raises Error where points leave no
+    /// such orbit, and where a line is lost.
+    #[pyo3(signature = (guess, period=1, *, stable=false, forward=true, start=1e-6, spacing=1e-2, length=1.0))]
+    #[allow(clippy::too_many_arguments, reason = "keywords of Python")]
+    fn manifold<'py>(
+        &self,
+        py: Python<'py>,
+        guess: Rows<'py>,
+        period: usize,
+        stable: bool,
+        forward: bool,
+        start: f64,
+        spacing: f64,
+        length: f64,
+    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        let branch = Branch { forward, start, spacing, length };
+        let (map, back) = (self.section.map(), self.section.map().backwards());
+        let mover = |direction, z: &mut [f64]| {
+            let map = match direction {
+                Direction::Forward => &map,
+                Direction::Inverse => &back,
+            };
+            z.copy_from_slice(&map.trajectories(z, 1)?);
+            Ok(())
+        };
+        orbits::manifold_of(py, (&self.section, &mover), &guess, period, stable, branch)
+    }
+
+    /// The number of maps after which each line from `points`, (..., 2), is outside of the box from `low` to `high`,
+    /// two numbers each, in metres, for the first time, or `maps` + 1 if it stays inside: (...), integers.
+    fn survival<'py>(
+        &self,
+        py: Python<'py>,
+        points: Rows<'py>,
+        maps: usize,
+        low: Vec<f64>,
+        high: Vec<f64>,
+    ) -> PyResult<Bound<'py, PyArrayDyn<i64>>> {
+        let points = points_of("points", &points, 1)?;
+        let region = box_of([Some(low), Some(high)], None, 1)?;
+        survived(py, &self.section, &points, maps, &region)
     }
 
     /// The finite-time Lyapunov exponent of the orbit from `point` over `steps` maps, per map, for distances in metres.

@@ -20,16 +20,13 @@ use crate::io::{
 use crate::layer::Reversor;
 use crate::measure::certificate::{CertificateOptions, certify};
 use crate::measure::internals::unless_stopped;
-use crate::measure::orbits::{
-    Branch, SymmetryLine, dynamic_aperture, lyapunov_exponent, smaller_alignment_index,
-};
+use crate::measure::orbits::{Branch, SymmetryLine, lyapunov_exponent, smaller_alignment_index};
 use crate::network::{Architecture, Course, Pace, Rollout};
 use crate::phase::Direction;
 use crate::scalar::{Grid, GridNumbers};
 use crate::scene::{own_invariance_fault, render};
-use arrays::{Points, Rows, array, point_of, points_of, rows_of};
+use arrays::{Points, Rows, array, point_of, points_of};
 use numpy::{PyArray1, PyArrayDyn};
-use orbits::following;
 use outside::{Outside, box_of, survived};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
@@ -107,7 +104,7 @@ fn stoppable<T: Send>(
     py: Python<'_>,
     run: impl FnOnce(&Stop) -> Result<T, Error> + Send,
 ) -> PyResult<T> {
-    /// Between two questions.
+    /// The time between two checks of whether Ctrl-C was pressed.
     const PAUSE: Duration = Duration::from_millis(50);
     let stop = Stop::default();
     let (result, raised) = py.detach(|| {
@@ -547,18 +544,12 @@ impl Model {
         low: Option<Vec<f64>>,
         high: Option<Vec<f64>>,
     ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-        let dim = 2 * self.dof();
         let centre = point_of("centre", &centre, self.dof())?;
-        let directions = rows_of("directions", &directions, self.dof())?;
-        let directions: Vec<Vec<f64>> = directions.chunks_exact(dim).map(<[f64]>::to_vec).collect();
+        self.stored.check_points("centre", &centre)?;
         let own = self.stored.provenance.region.as_ref();
         let region = box_of([low, high], own, self.dof())?;
-        self.stored.check_points("centre", &centre)?;
-        let stays = |z: &[f64]| region.first_outside(z).is_none();
-        let found = following(py, &self.stored, |follow| {
-            dynamic_aperture(follow, &centre, &directions, &radii, steps, &stays)
-        })?;
-        array(py, found, vec![directions.len()])
+        let rays = (&*centre, &directions);
+        orbits::dynamic_aperture_of(py, &self.stored, rays, &radii, steps, &region)
     }
 
     /// The distinct orbits of exactly `period` steps that Newton's method with exact Jacobians finds from `guesses`,
@@ -929,7 +920,7 @@ fn _restore(text: &str, trained: Option<TrainedParts>) -> PyResult<Model> {
     Ok(Model { stored, trained: trained.map(Trained::from_parts).map(Arc::new) })
 }
 
-/// The module `gyroceptron._native`.
+/// The native module `gyroceptron._native` of the Python package.
 #[pymodule]
 mod _native {
     #[pymodule_export]

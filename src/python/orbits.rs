@@ -3,13 +3,13 @@
 use super::arrays::{Rows, array, point_of, points_of, read, rows_of};
 use super::{Stop, interruptible, measured, stoppable};
 use crate::error::Error;
-use crate::flow::Trajectories;
+use crate::flow::{Region, Trajectories};
 use crate::io::{StoredModel, read_section};
 use crate::layer::Reversor;
 use crate::measure::orbits::{
     Branch, Follow, InvariantCircle, IslandSearch, PeriodicOrbit, SymmetryLine, WithJacobian,
-    manifold, periodic_orbit, periodic_orbits, rotation_numbers, spectral_lines as lines_of,
-    symmetric_periodic_orbits, tunes as tunes_of,
+    dynamic_aperture, manifold, periodic_orbit, periodic_orbits, rotation_numbers,
+    spectral_lines as lines_of, symmetric_periodic_orbits, tunes as tunes_of,
 };
 use crate::network::{Pace, Rollout};
 use crate::phase::Direction;
@@ -93,7 +93,7 @@ pub(super) fn as_dict<'py>(py: Python<'py>, orbit: PeriodicOrbit) -> PyResult<Bo
     Ok(found)
 }
 
-/// See `Model.periodic_orbits`.
+/// The periodic orbits that are found from guesses, as `Model.periodic_orbits` returns them.
 pub(super) fn periodic_orbits_of<'py>(
     py: Python<'py>,
     map: &dyn OrbitMap,
@@ -114,7 +114,7 @@ fn as_list(py: Python<'_>, orbits: Vec<PeriodicOrbit>) -> PyResult<Bound<'_, PyL
     PyList::new(py, all.collect::<PyResult<Vec<_>>>()?)
 }
 
-/// See `Model.symmetric_orbits`.
+/// The periodic orbits that begin on a line of symmetry, as `Model.symmetric_orbits` returns them.
 pub(super) fn symmetric_orbits_of<'py>(
     py: Python<'py>,
     map: &dyn OrbitMap,
@@ -133,7 +133,7 @@ pub(super) fn symmetric_orbits_of<'py>(
     as_list(py, found)
 }
 
-/// See `Model.island`.
+/// The island around an elliptic periodic orbit, as `Model.island` returns it.
 pub(super) fn island_of<'py>(
     py: Python<'py>,
     map: &dyn OrbitMap,
@@ -165,7 +165,7 @@ fn of_a_plane(map: &dyn OrbitMap) -> Result<(), Error> {
 /// What is asked of one orbit of a map with its Jacobian.
 type OfOrbit = fn(WithJacobian<'_>, &[f64], usize) -> Result<f64, Error>;
 
-/// See `Model.lyapunov_exponent` and `Model.alignment_index`.
+/// A quantity of the orbit from one point, for `Model.lyapunov_exponent` and `Model.alignment_index`.
 pub(super) fn of_orbit(
     py: Python<'_>,
     map: &dyn OrbitMap,
@@ -177,10 +177,29 @@ pub(super) fn of_orbit(
     stoppable(py, |stop| of(&until_stopped(map, stop), &point, steps))
 }
 
+/// See `Model.dynamic_aperture`.
+pub(super) fn dynamic_aperture_of<'py>(
+    py: Python<'py>,
+    map: &dyn OrbitMap,
+    (centre, directions): (&[f64], &Rows<'_>),
+    radii: &[f64],
+    steps: usize,
+    region: &Region,
+) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+    let directions = rows_of("directions", directions, map.dof())?;
+    let directions: Vec<Vec<f64>> =
+        directions.chunks_exact(2 * map.dof()).map(<[f64]>::to_vec).collect();
+    let stays = |z: &[f64]| region.first_outside(z).is_none();
+    let found = following(py, map, |follow| {
+        dynamic_aperture(follow, centre, &directions, radii, steps, &stays)
+    })?;
+    array(py, found, vec![directions.len()])
+}
+
 /// What moves points of the data to their images or preimages.
 type Mover<'a> = &'a (dyn Fn(Direction, &mut [f64]) -> Result<(), Error> + Sync);
 
-/// See `Model.manifold`.
+/// A branch of the manifold of a periodic orbit, as `Model.manifold` returns it.
 pub(super) fn manifold_of<'py>(
     py: Python<'py>,
     (map, mover): (&dyn OrbitMap, Mover<'_>),
@@ -207,7 +226,7 @@ pub(super) fn manifold_of<'py>(
     array(py, points, vec![count, 2])
 }
 
-/// A tuple of them.
+/// A tuple of two NumPy arrays.
 type TwoArrays<'py> = (Bound<'py, PyArrayDyn<f64>>, Bound<'py, PyArrayDyn<f64>>);
 
 /// The tunes of orbits, (T, 2n) or (T, M, 2n) with T states each, in every plane: (turns, changes), both (n,) or

@@ -1,6 +1,6 @@
 //! Symplectic polynomials in Python.
 
-use super::arrays::{Points, Rows, array, dof_of, points_of, rows_of};
+use super::arrays::{Points, Rows, array, dof_of, point_of, points_of, rows_of};
 use super::orbits::{self, OrbitMap};
 use super::outside::{Outside, box_of, survived};
 use super::trained::warn;
@@ -250,6 +250,28 @@ impl PySymplecticPolynomial {
         let points = self.points(&points)?;
         let region = box_of([low, high], Some(self.map.region()), self.dof)?;
         survived(py, &self.map, &points, steps, &region)
+    }
+
+    /// The dynamic aperture along rays from `centre`, as of `Model.dynamic_aperture`, in units of the data: for each of
+    /// `directions`, (M, 2n), the largest of `radii`, which ascend, up to which all points centre + radius * direction
+    /// stay in a box for `steps` steps, or 0: (M,). The box is as in `survival`.
+    #[pyo3(signature = (centre, directions, radii, steps, low=None, high=None))]
+    #[allow(clippy::too_many_arguments, reason = "keywords of Python")]
+    fn dynamic_aperture<'py>(
+        &self,
+        py: Python<'py>,
+        centre: Rows<'py>,
+        directions: Rows<'py>,
+        radii: Vec<f64>,
+        steps: usize,
+        low: Option<Vec<f64>>,
+        high: Option<Vec<f64>>,
+    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        let centre = point_of("centre", &centre, self.dof)?;
+        self.map.check_points("centre", &centre)?;
+        let region = box_of([low, high], Some(self.map.region()), self.dof)?;
+        let rays = (&*centre, &directions);
+        orbits::dynamic_aperture_of(py, &self.map, rays, &radii, steps, &region)
     }
 
     /// The distinct orbits of exactly `period` steps that Newton's method finds from `guesses`, (N, 2n), in units of

@@ -15,7 +15,7 @@ use std::time::Duration;
 struct Watch<'a> {
     stopped: &'a AtomicBool,
     callback: Option<&'a Py<PyAny>>,
-    /// By the callback.
+    /// The exception that the callback raised, if it raised one.
     raised: Option<PyErr>,
 }
 

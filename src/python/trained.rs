@@ -20,7 +20,7 @@ pub(super) struct Trained {
     pub(super) notes: Vec<String>,
 }
 
-/// What is pickled.
+/// The parts of a pickled `Trained`: verdict, error, reasons, next call, history and notes.
 pub(super) type TrainedParts = (String, String, Vec<String>, String, Vec<Record>, Vec<String>);
 
 impl Trained {
@@ -51,7 +51,7 @@ impl Trained {
     }
 }
 
-/// A UserWarning.
+/// Issues a `UserWarning` of Python with this text.
 pub(super) fn warn(py: Python<'_>, text: &str) -> PyResult<()> {
     let message = CString::new(text)?;
     PyErr::warn(py, &py.get_type::<PyUserWarning>(), &message, 1)

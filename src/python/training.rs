@@ -49,7 +49,7 @@ impl LossWeights {
     }
 }
 
-/// (layers, neurons).
+/// The sizes of the layers of a part, if given: layers and neurons, or polynomials.
 type Shape = Option<Sequence<Sizes>>;
 
 /// What Python writes as a tuple, or as a list.
@@ -94,13 +94,13 @@ fn blocks_of(py: Python<'_>, blocks: Bound<'_, PyAny>) -> PyResult<Vec<Block>> {
 /// Calls back at each iteration.
 struct Calling<'a> {
     callback: Option<&'a Py<PyAny>>,
-    /// What the callback raised.
+    /// The exception that the callback or Ctrl-C raised, if one did.
     raised: Option<PyErr>,
     /// It is not called again: training ends at the first iteration that does not end by itself.
     stopped: bool,
     times: TrainingTimes,
     start: Instant,
-    /// Where it keeps checkpoints.
+    /// The file where training keeps its checkpoints, if it keeps any.
     checkpoints: Option<Checkpoints>,
 }
 
@@ -199,7 +199,7 @@ fn condition(of: Option<Condition>) -> (Option<f64>, Option<Vec<f64>>) {
 /// the highest up to 4 with fewer terms than values to learn. section: for pairs (x, y) with the area form rho dx dy,
 /// an .npz file of rho on a grid: arrays x, y and density, (len(y), len(x)), and optionally scale, one number, 1 by
 /// default. For pairs (x1, ..., y1, ...) of several planes these are x1, y1, density1, x2 and so on; a plane without
-/// them is canonical, and planes is their number as a float, needed where the last one is. A density that depends on
+/// them is canonical, and planes is their number, needed where the last one is. A density that depends on
 /// controls, linearly, has an array lambda, (L,) or (L, controls), with their values in the order of `controls`, and
 /// is (L, len(y), len(x)). The model then takes and gives x, y. units: "fitted", in which pairs are of order one and
 /// turn in circles, or those of the "data". validation: the share of the pairs that is held out. seed: the seed of the

@@ -162,7 +162,7 @@ fn step<S: Over<P>, P: Copy, const K: usize, const ORDER: usize>(
     }
 }
 
-/// f_k(s_k).
+/// The values f_k(s_k) of K series, each at its own argument.
 #[inline(always)]
 pub(super) fn values<S: Over<P>, P: Copy, const K: usize>(
     s: [S; K],

@@ -113,7 +113,7 @@ operator!(Div, div, div_apart, |x, y| {
     x.zip(y, quotient, |a, b| (-quotient).mul_add(b, a) / y.re)
 });
 
-/// x·y + z.
+/// The product and sum x·y + z of dual numbers, by fused operations.
 #[inline(always)]
 fn fused<S: Scalar, const N: usize>(x: Dual<S, N>, y: Dual<S, N>, z: Dual<S, N>) -> Dual<S, N> {
     let mut eps = z.eps;
@@ -352,7 +352,7 @@ impl<S: Elementary, const M: usize, const N: usize> Over<Dual<S, M>> for Dual<Du
     }
 }
 
-/// The real parts.
+/// The real parts of K dual numbers.
 #[inline(always)]
 fn values<S: Scalar, const K: usize, const N: usize>(x: [Dual<S, N>; K]) -> [S; K] {
     let mut out = [S::zero(); K];

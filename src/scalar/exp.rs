@@ -21,7 +21,7 @@ const EXPM1: [f64; 10] = [
 
 /// ln 2 with 21 trailing zero bits, so that k·LN2_HIGH is exact for |k| < 2²⁰.
 const LN2_HIGH: f64 = f64::from_bits(0x3fe6_2e42_fee0_0000);
-/// ln 2 − LN2_HIGH.
+/// The difference ln 2 − LN2_HIGH, rounded to a double.
 const LN2_LOW: f64 = f64::from_bits(0x3dea_39ef_3579_3c76);
 
 /// Below it eˣ rounds to 0, and above the other to infinity.

@@ -97,7 +97,7 @@ impl Lanewise for f64 {
     }
 }
 
-/// One lane.
+/// A pack of one lane, which is the number itself.
 impl Pack for f64 {
     const LANES: usize = 1;
     #[inline(always)]

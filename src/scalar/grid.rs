@@ -312,7 +312,7 @@ impl<V: Lanewise, const W: u32> Place<V> for Integers<V, W> {
     }
 }
 
-/// [`GridNumbers::Floats`].
+/// The place of a number on a grid for [`GridNumbers::Floats`], where the value itself is the place.
 #[derive(Clone, Copy, Debug)]
 pub struct Floats<V> {
     magic: V,

@@ -75,7 +75,7 @@ pub(super) const ROUND: f64 = 6_755_399_441_055_744.0;
 /// The exponent field of 1.
 pub(super) const BIAS: f64 = 1023.0;
 
-/// [`Elementary::zero_with`] of lanes.
+/// The implementation of [`Elementary::zero_with`] for all types of lanes.
 #[inline(always)]
 pub(super) fn zero_lanes_with<V: Lanewise>(x: V, factor: V) -> V {
     const LEAST: f64 = f64::from_bits(1);

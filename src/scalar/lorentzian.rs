@@ -5,7 +5,7 @@ use super::lanewise::{Lanewise, each};
 /// 1 + x² goes no further: the bits of the reciprocal's first guess are those of a number up to here.
 const MOST: f64 = 1e300;
 
-/// √[`MOST`].
+/// The square root √[`MOST`], at which |x| is cut off in the numerator of x/(1 + x²).
 const FARTHEST: f64 = 1e150;
 
 /// The bits of a positive number d subtracted from these are those of r ≈ 1/d, with |1 − dr| < 0.0506.

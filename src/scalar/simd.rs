@@ -20,13 +20,13 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Lanes that can be filled from memory and written back.
 pub trait Pack<P: Scalar = f64>: Lanewise + Over<P> {
-    /// The number of lanes.
+    /// The number of lanes, each of which holds one number.
     const LANES: usize;
 
     /// Loads a slice of [`Pack::LANES`] numbers.
     fn load(values: &[P]) -> Self;
 
-    /// `values` ← the lanes.
+    /// Stores the lanes in a slice of [`Pack::LANES`] numbers, `values` ← the lanes.
     fn store(self, values: &mut [P]);
 
     /// ((first + c₀w₀) + c₂w₂) + (c₁w₁ + c₃w₃) over the first four lanes, with c₁w₁
@@ -77,10 +77,10 @@ pub trait Pack<P: Scalar = f64>: Lanewise + Over<P> {
 /// What runs it on registers are methods of the trait, which kernels do not override: so the compiler puts the code of
 /// a kernel in the unit of its module, and not that of all kernels in one.
 pub(crate) trait Kernel: Sized {
-    /// The result.
+    /// The result of the computation.
     type Output;
 
-    /// The computation.
+    /// Runs the computation on lanes of the type `V`.
     fn run<V: Pack>(self) -> Self::Output;
 
     /// The computation on lanes of any processor.
@@ -164,7 +164,7 @@ pub enum Simd {
     Portable,
     /// Four lanes a register, fused multiply-add.
     Avx2,
-    /// Eight lanes a register.
+    /// Eight lanes in a register, fused multiply-add: the instructions of AVX-512.
     Avx512,
 }
 
@@ -389,7 +389,7 @@ mod x86 {
         };
     }
 
-    /// [`Lanewise::one_by_one`] of a register.
+    /// The implementation of [`Lanewise::one_by_one`] for a register.
     #[inline(always)]
     fn each_lane<V: Pack>(x: V, f: impl Fn(f64) -> (f64, f64)) -> (V, V) {
         let mut all = [0.0; WIDTH];
@@ -401,7 +401,7 @@ mod x86 {
         (V::load(&out.0[..V::LANES]), V::load(&out.1[..V::LANES]))
     }
 
-    /// [`Lanewise::pair_by_pair`] of registers.
+    /// The implementation of [`Lanewise::pair_by_pair`] for registers.
     #[inline(always)]
     fn each_pair<V: Pack>(x: V, y: V, f: impl Fn(f64, f64) -> f64) -> V {
         let mut all = [[0.0; WIDTH]; 2];
@@ -438,7 +438,7 @@ mod x86 {
         };
     }
 
-    /// Four lanes.
+    /// A register of AVX2 with four lanes of `f64`.
     #[derive(Clone, Copy, Debug)]
     #[repr(transparent)]
     pub(super) struct Ymm(__m256d);
@@ -582,7 +582,7 @@ mod x86 {
         }
     }
 
-    /// Eight lanes.
+    /// A register of AVX-512 with eight lanes of `f64`.
     #[derive(Clone, Copy, Debug)]
     #[repr(transparent)]
     pub(super) struct Zmm(__m512d);

@@ -42,23 +42,23 @@ pub enum Operation {
     Constant(f64),
     /// A parameter of the map.
     Parameter(f64),
-    /// −x.
+    /// The negative −x of a number x.
     Negative(Traced),
-    /// x + y.
+    /// The sum x + y of two numbers.
     Sum(Traced, Traced),
-    /// x − y.
+    /// The difference x − y of two numbers.
     Difference(Traced, Traced),
-    /// x·y.
+    /// The product x·y of two numbers.
     Product(Traced, Traced),
-    /// x/y.
+    /// The quotient x/y of two numbers.
     Quotient(Traced, Traced),
     /// x·y + z, rounded once.
     MulAdd([Traced; 3]),
-    /// |x|.
+    /// The magnitude |x| of a number x.
     Magnitude(Traced),
     /// The first or the second of the functions that a kernel computes together.
     Kernel(TracedKernel, usize, Traced),
-    /// √x.
+    /// The square root √x of a number x.
     Sqrt(Traced),
     /// The smaller of x and a limit; NaN stays.
     AtMost(Traced, f64),
@@ -157,7 +157,7 @@ impl TracedKernel {
 pub struct Trace {
     /// The operations, each with earlier ones as operands.
     pub operations: Vec<Operation>,
-    /// What the function returns.
+    /// The numbers that the function returns, in their order.
     pub outputs: Vec<Traced>,
     /// The arguments of its Chebyshev polynomials.
     pub arguments: Vec<Traced>,

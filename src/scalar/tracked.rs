@@ -148,7 +148,7 @@ impl Elementary for Tracked {
     fn sign(self) -> Self {
         Self::exact(self.value.sign())
     }
-    /// Rounded once.
+    /// The square root is rounded once: its own error is at most u relative.
     fn sqrt(self) -> Self {
         let root = self.value.sqrt();
         Self::rounded(root, self.share(0.5 / root))

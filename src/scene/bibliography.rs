@@ -1,6 +1,6 @@
 //! BibTeX entries of the methods that studies use.
 
-/// Hénon layers and HénonNets.
+/// The BibTeX entry for Hénon layers and HénonNets.
 pub(super) const HENON_NET: &str = "@article{BurbyTangMaulik2021,
   author = {Burby, Joshua W. and Tang, Qi and Maulik, Romit},
   title = {Fast neural {P}oincar\\'e maps for toroidal magnetic fields},
@@ -13,7 +13,7 @@ pub(super) const HENON_NET: &str = "@article{BurbyTangMaulik2021,
 }
 ";
 
-/// LA-SympNets.
+/// The BibTeX entry for SympNets of linear and activation modules (LA-SympNets).
 pub(super) const SYMP_NET: &str = "@article{JinEtAl2020,
   author = {Jin, Pengzhan and Zhang, Zhen and Zhu, Aiqing and Tang, Yifa and Karniadakis, George Em},
   title = {{SympNets}: Intrinsic structure-preserving symplectic networks for identifying {H}amiltonian systems},
@@ -25,7 +25,7 @@ pub(super) const SYMP_NET: &str = "@article{JinEtAl2020,
 }
 ";
 
-/// Affine coupling layers.
+/// The BibTeX entry for affine coupling layers.
 pub(super) const COUPLINGS: &str = "@inproceedings{DinhEtAl2017,
   author = {Dinh, Laurent and Sohl-Dickstein, Jascha and Bengio, Samy},
   title = {Density estimation using {Real} {NVP}},
@@ -71,7 +71,7 @@ pub(super) const PROVED_CIRCLES: &str = "@article{FiguerasHaroLuque2017,
 }
 ";
 
-/// Sums of Chebyshev polynomials.
+/// The BibTeX entry for Clenshaw's summation of Chebyshev series.
 pub(super) const CLENSHAW: &str = "@article{Clenshaw1955,
   author = {Clenshaw, C. W.},
   title = {A note on the summation of {C}hebyshev series},
@@ -83,7 +83,7 @@ pub(super) const CLENSHAW: &str = "@article{Clenshaw1955,
 }
 ";
 
-/// Levenberg–Marquardt.
+/// The BibTeX entry for the Levenberg–Marquardt method of nonlinear least squares.
 pub(super) const MARQUARDT: &str = "@article{Marquardt1963,
   author = {Marquardt, Donald W.},
   title = {An algorithm for least-squares estimation of nonlinear parameters},
@@ -96,7 +96,7 @@ pub(super) const MARQUARDT: &str = "@article{Marquardt1963,
 }
 ";
 
-/// Adam.
+/// The BibTeX entry for the optimiser Adam.
 pub(super) const ADAM: &str = "@misc{KingmaBa2014,
   author = {Kingma, Diederik P. and Ba, Jimmy},
   title = {Adam: A method for stochastic optimization},
@@ -106,7 +106,7 @@ pub(super) const ADAM: &str = "@misc{KingmaBa2014,
 }
 ";
 
-/// L-BFGS.
+/// The BibTeX entry for the optimiser L-BFGS.
 pub(super) const LBFGS: &str = "@article{LiuNocedal1989,
   author = {Liu, Dong C. and Nocedal, Jorge},
   title = {On the limited memory {BFGS} method for large scale optimization},
@@ -142,7 +142,7 @@ pub(super) const FIELD_LINES: &str = "@article{RathEtAl2021,
 }
 ";
 
-/// Tables of steps.
+/// The BibTeX entry for tables of a step by cubic splines.
 pub(super) const SPLINES: &str = "@book{deBoor2001,
   author = {de Boor, Carl},
   title = {A Practical Guide to Splines},
@@ -153,7 +153,7 @@ pub(super) const SPLINES: &str = "@book{deBoor2001,
 }
 ";
 
-/// Tables of generating functions.
+/// The BibTeX entry for symplectic maps from tables of generating functions.
 pub(super) const GENERATING_FUNCTIONS: &str = "@article{Abdullaev1999,
   author = {Abdullaev, S. S.},
   title = {A new integration method of {H}amiltonian systems by symplectic maps},
@@ -165,7 +165,7 @@ pub(super) const GENERATING_FUNCTIONS: &str = "@article{Abdullaev1999,
 }
 ";
 
-/// Maps by polynomials.
+/// The BibTeX entry for polynomial maps of beam physics.
 pub(super) const MAP_METHODS: &str = "@book{Berz1999,
   author = {Berz, Martin},
   title = {Modern Map Methods in Particle Beam Physics},
@@ -214,7 +214,7 @@ pub(super) const INVARIANT_CURVES: &str = "@article{Jorba2001,
 }
 ";
 
-/// Frequency maps.
+/// The two BibTeX entries for frequency map analysis.
 pub(super) const FREQUENCY_MAPS: &str = "@article{Laskar1990,
   author = {Laskar, Jacques},
   title = {The chaotic motion of the solar system: a numerical estimate of the size of the chaotic zones},
@@ -250,7 +250,7 @@ pub(super) const APERTURES: &str = "@article{TodescoGiovannozzi1996,
 }
 ";
 
-/// Residues of periodic orbits.
+/// The BibTeX entry for Greene's residues of periodic orbits.
 pub(super) const RESIDUES: &str = "@article{Greene1979,
   author = {Greene, John M.},
   title = {A method for determining a stochastic transition},
@@ -263,7 +263,7 @@ pub(super) const RESIDUES: &str = "@article{Greene1979,
 }
 ";
 
-/// Lyapunov exponents.
+/// The BibTeX entry for the computation of Lyapunov exponents.
 pub(super) const EXPONENTS: &str = "@article{BenettinEtAl1980,
   author = {Benettin, Giancarlo and Galgani, Luigi and Giorgilli, Antonio and Strelcyn, Jean-Marie},
   title = {{L}yapunov characteristic exponents for smooth dynamical systems and for {H}amiltonian systems; a method for computing all of them. {P}art 1: Theory},
@@ -275,7 +275,7 @@ pub(super) const EXPONENTS: &str = "@article{BenettinEtAl1980,
 }
 ";
 
-/// The smaller alignment index.
+/// The BibTeX entry for the smaller alignment index (SALI).
 pub(super) const ALIGNMENT: &str = "@article{Skokos2001,
   author = {Skokos, Charalampos},
   title = {Alignment indices: a new, simple method for determining the ordered or chaotic nature of orbits},
@@ -288,7 +288,7 @@ pub(super) const ALIGNMENT: &str = "@article{Skokos2001,
 }
 ";
 
-/// Manifolds of periodic orbits.
+/// The BibTeX entry for stable and unstable manifolds of periodic orbits.
 pub(super) const MANIFOLDS_OF_MAPS: &str = "@article{KrauskopfEtAl2005,
   author = {Krauskopf, Bernd and Osinga, Hinke M. and Doedel, Eusebius J. and Henderson, Michael E. and Guckenheimer, John and Vladimirsky, Alexander and Dellnitz, Michael and Junge, Oliver},
   title = {A survey of methods for computing (un)stable manifolds of vector fields},

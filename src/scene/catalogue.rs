@@ -3,12 +3,12 @@
 use super::nearest::nearest;
 use crate::error::Error;
 
-/// A built-in scene.
+/// A scene that is built into the program, with the text of its file.
 #[derive(Clone, Copy, Debug)]
 pub struct CatalogueEntry {
-    /// Its name.
+    /// The name of the built-in scene.
     pub name: &'static str,
-    /// Its file.
+    /// The text of the scene's TOML file.
     pub text: &'static str,
 }
 

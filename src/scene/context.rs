@@ -23,9 +23,9 @@ use std::rc::Rc;
 
 /// Why a run ends before its report.
 pub(super) enum RunError {
-    /// The observer interrupted it.
+    /// The observer interrupted the run.
     Interrupted,
-    /// Something went wrong.
+    /// An error ended the run.
     Failed(Error),
 }
 
@@ -56,11 +56,11 @@ pub(super) struct Context<'a> {
     /// The networks that are trained so far.
     pub(super) learnt: Vec<Rc<Trained>>,
     references: Vec<(ReferenceRequest, Rc<ReferenceTrajectories>)>,
-    /// See `rollouts`.
+    /// The trajectories of all networks that were computed so far, each set with its request.
     pub(super) rollouts: Vec<(RolloutRequest, Rc<Vec<Trajectories>>)>,
 }
 
-/// Trajectories of a system.
+/// A request for trajectories of a system, by which those that exist are found again.
 #[derive(Clone, PartialEq)]
 struct ReferenceRequest {
     system: System,
@@ -69,7 +69,7 @@ struct ReferenceRequest {
     states: usize,
 }
 
-/// Trajectories of all networks.
+/// A request for trajectories of all networks, by which those that exist are found again.
 #[derive(Clone, PartialEq)]
 pub(super) struct RolloutRequest {
     pub(super) initial: Vec<Vec<f64>>,

@@ -32,7 +32,7 @@ pub(super) struct DataSets {
     /// The mean squared error of the exact limiting rotation alone, on the pairs that choose
     /// among the models of a training.
     pub(super) rotation_error: Option<f64>,
-    /// What networks depend on.
+    /// The controls that the parameters of networks depend on, if there are any.
     pub(super) controls: Option<Controls>,
     /// The rotation nearest to the pairs of a file, by its angle.
     pub(super) nearest: Option<(TorusAction, Vec<f64>)>,

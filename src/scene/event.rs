@@ -5,31 +5,31 @@ use crate::train::{Stop, TrainingRecord};
 /// What a run reports while it goes on.
 #[derive(Debug)]
 pub enum Event<'a> {
-    /// A stage begins.
+    /// A stage of the run begins; the text is its name.
     Stage(&'a str),
     /// An iteration of training is done.
     Iteration {
-        /// The network's name.
+        /// The name of the network that is being trained.
         model: &'a str,
-        /// Its newest record.
+        /// The record of the newest iteration.
         record: TrainingRecord,
         /// The most iterations there will be.
         iterations: u64,
     },
     /// A part of something that takes long is done.
     Progress {
-        /// What is counted.
+        /// The name of what is counted, such as `iterations`.
         what: &'a str,
-        /// How many are done.
+        /// The number of counted things that are done so far.
         done: u64,
         /// How many there are to do.
         total: u64,
     },
-    /// A network is trained.
+    /// The training of a network has ended.
     Trained {
-        /// The network's name.
+        /// The name of the network that was trained.
         model: &'a str,
-        /// Why training ended.
+        /// The reason why the training ended.
         stop: Stop,
         /// The record of the model that was kept.
         best: TrainingRecord,
@@ -38,7 +38,7 @@ pub enum Event<'a> {
 
 /// Listens to a run, and may stop it.
 pub trait Observer {
-    /// Something happened.
+    /// Called with each event of the run, when it happens.
     fn event(&mut self, event: Event<'_>);
 
     /// True when the run should stop at the next iteration, with a checkpoint.

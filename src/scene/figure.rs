@@ -7,7 +7,7 @@ use std::fmt::Write;
 pub struct Figure {
     /// Its name in a scene's `plots`, and the stem of its file.
     pub name: &'static str,
-    /// What it shows.
+    /// The caption, which says what the figure shows.
     pub caption: String,
     /// How many panels stand side by side.
     pub columns: usize,
@@ -75,11 +75,11 @@ pub enum SameAxes {
 /// How a series is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Style {
-    /// A line.
+    /// A solid line through the points.
     Line,
-    /// A thin, pale line.
+    /// A thin, pale line through the points.
     Faint,
-    /// A thin, dashed line.
+    /// A thin, dashed line through the points.
     Dashed,
     /// A dot at each point.
     Dots,
@@ -91,21 +91,21 @@ pub enum Style {
 /// How an axis is divided.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Axis {
-    /// Evenly.
+    /// A linear axis, divided evenly.
     #[default]
     Linear,
-    /// By powers of ten.
+    /// A logarithmic axis, divided by powers of ten.
     Log,
 }
 
-/// Points with a name.
+/// A series of points with a name, drawn in one style and one colour.
 #[derive(Clone, Debug)]
 pub struct Series {
     /// Its name in the legend; if empty, the legend does not list it.
     pub name: String,
     /// The number of its colour.
     pub color: usize,
-    /// How it is drawn.
+    /// The style in which the points are drawn.
     pub style: Style,
     /// The points; those that are not finite, or not positive on a logarithmic
     /// axis, are left out.
@@ -119,18 +119,18 @@ impl Series {
     }
 }
 
-/// One coordinate system.
+/// A panel of a figure: one coordinate system with its axes and series.
 #[derive(Clone, Debug, Default)]
 pub struct Panel {
-    /// Its title.
+    /// The title of the panel.
     pub title: String,
     /// What is along the horizontal axis.
     pub x_label: String,
     /// What is along the vertical axis.
     pub y_label: String,
-    /// The horizontal axis.
+    /// The division of the horizontal axis, linear or logarithmic.
     pub x: Axis,
-    /// The vertical axis.
+    /// The division of the vertical axis, linear or logarithmic.
     pub y: Axis,
     /// Whether a unit of x is drawn as long as a unit of y.
     pub square: bool,

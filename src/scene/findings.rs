@@ -18,7 +18,7 @@ pub struct Findings {
     pub results: Section,
     /// The findings that depend on the machine, such as run times.
     pub timings: Section,
-    /// Its figures.
+    /// The figures of the study.
     pub figures: Vec<Figure>,
     /// The blocks for the end of the report.
     pub appendix: Vec<Block>,
@@ -29,7 +29,7 @@ pub struct Findings {
 pub struct StudyFindings {
     /// Its key in the scene.
     pub name: &'static str,
-    /// What it found.
+    /// The findings of the study: its tables, figures, verdict and data.
     pub findings: Findings,
 }
 
@@ -45,7 +45,7 @@ pub struct Section {
 }
 
 impl Section {
-    /// Whether it is empty.
+    /// Whether the section has no blocks, neither in the summary nor in the details.
     pub fn is_empty(&self) -> bool {
         self.summary.is_empty() && self.details.is_empty()
     }
@@ -54,11 +54,11 @@ impl Section {
 /// A piece of a section.
 #[derive(Clone, Debug)]
 pub enum Block {
-    /// A heading.
+    /// A heading within the section.
     Heading(String),
     /// A paragraph, or a list with a line for each item.
     Text(String),
-    /// A table.
+    /// A table of values, with a number format for each column.
     Table(Table),
 }
 
@@ -95,9 +95,9 @@ pub enum Format {
 /// A value in a table.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Cell {
-    /// None.
+    /// No value: the cell is written as a dash.
     Missing,
-    /// Words.
+    /// A text, written as it is.
     Text(String),
     /// A number, written as the column says.
     Number(f64),
@@ -191,7 +191,7 @@ impl Format {
 }
 
 impl Table {
-    /// A table without rows.
+    /// A table with these columns, which are headings with number formats, and no rows.
     pub fn new<H: Into<String>>(columns: impl IntoIterator<Item = (H, Format)>) -> Self {
         let columns = columns.into_iter().map(|(heading, format)| (heading.into(), format));
         Self { columns: columns.collect(), rows: Vec::new() }
@@ -222,7 +222,7 @@ impl Table {
         self.rows.is_empty()
     }
 
-    /// The headings.
+    /// The headings of the columns, from left to right.
     pub fn headings(&self) -> impl Iterator<Item = &str> {
         self.columns.iter().map(|(heading, _)| &heading[..])
     }
@@ -240,7 +240,7 @@ impl Table {
         })
     }
 
-    /// The rows as text.
+    /// The rows as text, each cell in the format of its column.
     pub fn text_rows(&self) -> impl Iterator<Item = Vec<String>> {
         self.rows.iter().map(|row| {
             row.iter().zip(&self.columns).map(|(cell, (_, format))| format.cell(cell)).collect()

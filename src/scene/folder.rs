@@ -69,7 +69,7 @@ impl Folder {
         read.map(Some).map_err(|reason| Error::content(path.display(), "a checkpoint", reason))
     }
 
-    /// Writes what [`Folder::earlier`] reads.
+    /// Writes a value as JSON to a file that [`Folder::earlier`] reads.
     pub(super) fn save(&self, name: &str, value: &impl Serialize) -> Result<(), Error> {
         write_atomically(&self.file(name), |out| Ok(serde_json::to_writer(&mut *out, value)?))
     }

@@ -24,7 +24,7 @@ use std::path::Path;
 /// How doing a job ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum JobEnd {
-    /// It is done.
+    /// The job was done by this call.
     Done,
     /// It was done before, and its files are there.
     WasDone,
@@ -35,18 +35,18 @@ pub enum JobEnd {
 /// How making the report of jobs ended.
 #[derive(Clone, Debug)]
 pub enum MergeEnd {
-    /// It is made.
+    /// The report was made by this call.
     Done(Box<Report>),
     /// The report was made before, and is there; true if none of its verdicts says that something does not hold.
     WasDone(bool),
-    /// The observer interrupted it.
+    /// The observer interrupted the making of the report.
     Interrupted,
 }
 
 /// A job, given by its name, and the digest of all that its result depends on.
 #[derive(Clone, Copy, Debug)]
 pub struct JobRequest<'a> {
-    /// Its name.
+    /// The name of the job in the plan of its scene.
     pub id: &'a str,
     /// The digest that the job must have, if any: that of the plan.
     pub digest: Option<&'a str>,

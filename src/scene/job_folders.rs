@@ -63,7 +63,7 @@ impl JobFolders {
         Self { part: Some(part.to_owned()), ..self.clone() }
     }
 
-    /// That of a job.
+    /// The path of the folder of a job, given by the job's name.
     pub(super) fn folder(&self, id: &str) -> PathBuf {
         self.root.join(id)
     }
@@ -99,11 +99,11 @@ struct JobFile {
 
 /// What the folder of a job holds.
 pub(super) enum JobState {
-    /// Nothing.
+    /// Nothing: no job was begun in the folder.
     Absent,
     /// What it has come to so far.
     UnderWay,
-    /// All of it.
+    /// All files of the job, as the job wrote them.
     Done,
     /// Another job, of another scene, version or file; or files of no job.
     Foreign,

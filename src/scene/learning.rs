@@ -81,7 +81,7 @@ impl Context<'_> {
         Ok(firsts.iter().map(of).collect())
     }
 
-    /// Trajectories of each network.
+    /// The trajectories of each network from these points, computed once for each request.
     pub(super) fn rollouts(
         &mut self,
         initial: &[Vec<f64>],
@@ -111,7 +111,7 @@ pub(super) struct BySeed {
     pub(super) seeds: Vec<Rc<Trained>>,
 }
 
-/// See [`Context::learn`].
+/// Trains a network for a flow time: see [`Context::learn`].
 fn learn_at(
     context: &mut Context<'_>,
     data: &DataSets,

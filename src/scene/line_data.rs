@@ -25,7 +25,7 @@ pub enum Coils {
     File(CoilFile),
 }
 
-/// Coils of a file.
+/// Coils from a file, with their currents and the symmetry of the machine.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CoilFile {
@@ -44,7 +44,7 @@ pub struct CoilFile {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LineData {
-    /// The coils.
+    /// The coils in whose field the lines are traced.
     pub coils: Coils,
     /// φ of the section, in field periods; the other plane of symmetry is at ½.
     #[serde(default)]
@@ -52,7 +52,7 @@ pub struct LineData {
     /// The number of field periods in a map.
     #[serde(default = "one")]
     pub periods: u32,
-    /// The number of lines.
+    /// The number of lines, at least 4; with controls, the number for each row of their values.
     pub lines: usize,
     /// The largest distance of a line from the axis at its start, in metres.
     pub reach: f64,
@@ -74,7 +74,7 @@ pub struct LineData {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LineControls {
-    /// The controls.
+    /// The controls, each with the currents that a unit of it adds.
     pub list: Vec<LineControl>,
     /// Values of all controls to learn from: a row for each machine.
     pub values: Vec<Vec<f64>>,
@@ -91,7 +91,7 @@ pub struct LineControls {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LineControl {
-    /// Its name.
+    /// The name of the control.
     pub name: String,
     /// What a unit of the control adds to the current of each given coil, in amperes; for a torsatron these coils are
     /// the windings and the two rings, for a tokamak the coils in poloidal planes and the plasma.
@@ -160,7 +160,7 @@ fn usual_epsilon() -> f64 {
 const MOST_LINES: usize = 1_000_000;
 /// In one map of so many it is looked at how near lines come to coils, which takes as long as tracing.
 const LOOKED_AT: usize = 5;
-/// Fewer fill no section.
+/// The smallest number of lines: fewer do not fill a section.
 const LEAST_LINES: usize = 4;
 
 impl Coils {
@@ -346,7 +346,7 @@ pub(super) struct TracedLines {
     pub(super) is_mirrored: bool,
     /// Field periods in a map.
     pub(super) periods: u32,
-    /// Of the machine.
+    /// The number of field periods of the machine.
     pub(super) of_machine: u32,
     /// Maps of all lines that were traced.
     pub(super) maps: usize,

@@ -19,7 +19,7 @@ pub struct Stage {
 /// Seconds of the training of one network, by iterations.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TrainingTimes {
-    /// Its name.
+    /// The name of the network that was trained, which is that of its files.
     pub model: String,
     /// (iteration, seconds of training since its start), without the time between a killed run and
     /// the one that goes on with it. For a training in stages, the iterations are those of the last

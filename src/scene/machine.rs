@@ -16,7 +16,7 @@ pub struct Machine {
 }
 
 impl Machine {
-    /// This one.
+    /// The machine that this process runs on.
     pub fn this() -> Self {
         let named = || {
             let text = std::fs::read_to_string("/proc/cpuinfo").ok()?;

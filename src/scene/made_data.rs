@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct MadeData {
-    /// Of the job.
+    /// The digest of the job that made the data.
     pub(super) digest: String,
     pub(super) data: Made,
     pub(super) stages: Vec<Stage>,

@@ -10,7 +10,7 @@ use std::fmt;
 /// A note on the numbers of a file. Its text names no place and no option: the caller adds them.
 #[derive(Clone, Copy, Debug)]
 pub enum Note<'a> {
-    /// Numbers are float32.
+    /// The numbers of the file are float32, in single precision.
     SinglePrecision,
     /// Arrays of these names are in the file and are not used.
     Unused(&'a [String]),

@@ -30,7 +30,7 @@ use serde_json::json;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum NextStep {
-    /// Use the model.
+    /// Use the model for predictions.
     Predict,
     /// Train a gyroceptron in normal form in place of the network.
     NormalForm,
@@ -112,7 +112,7 @@ impl NextStep {
         }
     }
 
-    /// Why.
+    /// The reason for this step, in words.
     fn reason(self) -> String {
         match self {
             Self::Predict => "the model can be used within the box of the pairs".into(),
@@ -144,7 +144,7 @@ pub struct OwnTraining<'a> {
     pub name: String,
     /// The network and what it was trained on.
     pub fitted: Fitted,
-    /// The seconds of training.
+    /// The seconds that the training took, by iterations.
     pub times: TrainingTimes,
     /// The command that repeats it, without the file of the scene.
     pub command: String,

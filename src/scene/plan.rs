@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 pub struct Job {
     /// Its name, which is that of its folder.
     pub id: String,
-    /// What it does.
+    /// The kind of work that the job does.
     pub kind: JobKind,
     /// The part of the scene that it belongs to; None for a scene without parts.
     pub part: Option<String>,
@@ -26,7 +26,7 @@ pub struct Job {
     pub network: Option<String>,
     /// The seed of the weights that it trains.
     pub seed: Option<u64>,
-    /// ε of its pairs.
+    /// The ε of the pairs that the job makes or trains on; None for the report.
     pub epsilon: Option<f64>,
     /// The flow time of its pairs.
     pub flow_time: Option<f64>,
@@ -40,11 +40,11 @@ pub struct Job {
     pub(super) task: Task,
 }
 
-/// What a job does.
+/// The kinds of work that jobs do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum JobKind {
-    /// It makes pairs.
+    /// The job makes the data that trainings learn from.
     Data,
     /// It trains a network from one of its initial weights.
     Training,
@@ -59,7 +59,7 @@ pub(super) enum Task {
     Data(Option<(f64, f64)>),
     /// A training of the set-up.
     Own(SeededTraining),
-    /// That of a study.
+    /// A training that a study has beside those of the set-up.
     OfStudy(StudyTraining),
     Merge,
 }

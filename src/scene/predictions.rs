@@ -14,9 +14,9 @@ use crate::measure::{
 use crate::network::{Model, Rollout};
 use crate::phase::Units;
 
-/// Predictions against the truth.
+/// The name of the figure of predictions against the truth.
 pub(super) const PREDICTION: &str = "prediction";
-/// Orbits of the networks.
+/// The name of the figure of the orbits of networks.
 pub(super) const ORBITS: &str = "orbits";
 
 /// Points of a panel, and orbits: more hide each other.
@@ -32,7 +32,7 @@ const GREY: usize = 6;
 
 /// Networks and the pairs to judge them by.
 pub(super) struct Judged<'a> {
-    /// Each with its name.
+    /// The networks that are judged, each with its name.
     pub(super) models: Vec<(&'a str, &'a Model)>,
     pub(super) training: &'a Pairs,
     pub(super) held_out: Option<&'a Pairs>,

@@ -13,7 +13,7 @@ use crate::system::System;
 use crate::train::TrainingOptions;
 use serde::{Deserialize, Serialize};
 
-/// A declared experiment.
+/// A declared experiment: a set-up with studies of it, or several scenes as parts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(from = "SceneFile", into = "SceneFile")]
 pub struct Scene {
@@ -23,7 +23,7 @@ pub struct Scene {
     pub title: String,
     /// The seed of all its random streams.
     pub seed: u64,
-    /// What its studies share.
+    /// What the studies share: system, flow time, data, networks and training.
     pub setup: Setup,
     /// The studies, beside those of the pairs and of the training that the set-up names.
     pub studies: Vec<AnyStudy>,

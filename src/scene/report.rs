@@ -5,10 +5,10 @@ use super::log::{Stage, TrainingTimes};
 use super::machine::Machine;
 use super::registry::Scene;
 
-/// What a run found.
+/// The report of a run: what each study found, and how long it took.
 #[derive(Clone, Debug)]
 pub struct Report {
-    /// The scene, whole.
+    /// The complete scene that was run.
     pub scene: Scene,
     /// The findings of each study, in the order of the scene.
     pub studies: Vec<StudyFindings>,

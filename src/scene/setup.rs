@@ -20,9 +20,9 @@ pub struct Setup {
     pub flow_time: Option<f64>,
     /// Where the training pairs are.
     pub data: Option<Data>,
-    /// The networks to train.
+    /// The networks that are trained on the data.
     pub models: Vec<ModelSpec>,
-    /// How to train them.
+    /// The training options of all networks that have none of their own.
     pub training: TrainingOptions,
 }
 
@@ -81,7 +81,7 @@ pub struct Data {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FlowBy {
-    /// The integrator.
+    /// The integrator that moves the points.
     pub integrator: Integrator,
     /// The largest time of a step.
     pub step: f64,
@@ -125,7 +125,7 @@ impl FlowBy {
     }
 }
 
-/// A network to train.
+/// A network of a scene, with its initial weights and its training.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ModelSpec {
@@ -225,13 +225,13 @@ pub(super) fn check_points(
 /// What a study may need of the set-up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Need {
-    /// The system.
+    /// The system whose flow map is learnt.
     System,
     /// A system or pairs of a file.
     TargetFlow,
-    /// The flow time.
+    /// The flow time of the map.
     FlowTime,
-    /// The data.
+    /// The training and held-out data.
     Data,
     /// At least one network that is not there for its training only.
     Models,
@@ -296,7 +296,7 @@ impl Setup {
         self.system.as_ref().map(TargetFlow::System).or_else(file).or_else(lines)
     }
 
-    /// All trainings.
+    /// All trainings of the set-up: each network from each of its sets of initial weights.
     pub(super) fn attempts(&self) -> impl Iterator<Item = SeededTraining> + '_ {
         self.models.iter().flat_map(ModelSpec::attempts)
     }

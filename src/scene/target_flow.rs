@@ -13,22 +13,22 @@ use std::path::Path;
 /// A flow map that is learnt.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum TargetFlow<'a> {
-    /// Of a system.
+    /// The flow map of a system of the crate.
     System(&'a System),
     /// Of which there are pairs only.
     File(FileData<'a>),
-    /// Field lines of coils.
+    /// The map of field lines of coils through a section.
     Lines(&'a LineData),
 }
 
-/// Your own pairs.
+/// The pairs of a file, with the circle action and the ε that a scene declares.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct FileData<'a> {
     /// The `.npz` file of pairs.
     pub(super) pairs: &'a Path,
     /// The `.npy` file of trajectories that others are compared with.
     pub(super) trajectories: Option<&'a Path>,
-    /// Φ of their limit.
+    /// The circle action Φ of the limit ε = 0.
     pub(super) circle_action: &'a CircleAction,
     /// The ε of the pairs.
     pub(super) epsilon: f64,

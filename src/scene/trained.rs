@@ -37,7 +37,7 @@ pub(super) fn held_out_error(
 }
 
 impl Trained {
-    /// After training.
+    /// The network after training, of the iteration that was kept.
     pub(super) fn model(&self) -> &Model {
         &self.outcome.model
     }

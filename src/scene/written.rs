@@ -35,7 +35,7 @@ enum Tree {
     Absent,
     Switch(bool),
     Whole(i64),
-    /// Above the largest [`Tree::Whole`].
+    /// A whole number above the largest [`Tree::Whole`].
     Large(u64),
     Number(f64),
     Text(String),

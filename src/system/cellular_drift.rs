@@ -58,7 +58,7 @@ impl CellularDrift {
         self.epsilon * bessel * libm::sin(k * y) * libm::cos(k * x)
     }
 
-    /// √2 kρ.
+    /// The argument √2 kρ of the Bessel functions, for a gyroradius ρ.
     fn argument(&self, radius: f64) -> f64 {
         std::f64::consts::SQRT_2 * self.wavenumber * radius
     }
@@ -70,7 +70,7 @@ impl CellularDrift {
         [(k * (z[0] + z[1])).sin_cos(), (k * (z[3] - z[2])).sin_cos()]
     }
 
-    /// (∂φ/∂x, ∂φ/∂y), times ε.
+    /// The slopes of the potential, ε(∂φ/∂x, ∂φ/∂y) with φ = sin ky cos kx.
     #[inline(always)]
     fn slopes<S: Elementary>(&self, z: &[S]) -> (S, S) {
         let [(sin_y, cos_y), (sin_x, cos_x)] = self.waves(z);
@@ -110,7 +110,7 @@ impl NearlyPeriodic for CellularDrift {
     fn limiting_frequency(&self) -> f64 {
         1.0
     }
-    /// ½(Π_x² + Π_y²).
+    /// The adiabatic invariant to leading order, μ₀ = ½(Π_x² + Π_y²).
     fn adiabatic_invariant<S: Elementary>(&self, z: &[S]) -> S {
         S::from_f64(0.5) * z[0].mul_add(z[0], z[2] * z[2])
     }

@@ -327,7 +327,7 @@ struct Element {
     at: [f64; 3],
     /// μ₀I/4π dx/dt Δt, in tesla metres squared.
     current: [f64; 3],
-    /// w².
+    /// The square w² of the width of the current, in square metres.
     width: f64,
 }
 

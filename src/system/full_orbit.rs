@@ -153,7 +153,7 @@ impl NearlyPeriodic for FullOrbit {
     fn limiting_frequency(&self) -> f64 {
         1.0
     }
-    /// ½(Π_x² + Π_y²).
+    /// The adiabatic invariant to leading order, μ₀ = ½(Π_x² + Π_y²).
     fn adiabatic_invariant<S: Elementary>(&self, z: &[S]) -> S {
         S::from_f64(0.5) * (z[0] * z[0] + z[2] * z[2])
     }

@@ -138,9 +138,9 @@ pub type AverageConstants<S = f64> = [S; 4];
 /// The two parts of a closed average whose flows are exact: see [`NearlyPeriodic::average_split`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AveragePart {
-    /// The part that turns planes.
+    /// The part whose flow is taken first: where planes turn in the average, the one that turns them.
     A,
-    /// The other one.
+    /// The rest of the average, apart from part A.
     B,
 }
 
@@ -252,7 +252,7 @@ pub trait Splittable: NearlyPeriodic {
         let _ = z;
     }
 
-    /// The inverse of [`Splittable::enter`].
+    /// z ← the system's own coordinates: the inverse of [`Splittable::enter`].
     #[inline(always)]
     fn leave<S: Elementary>(&self, z: &mut [S]) {
         let _ = z;

@@ -12,16 +12,16 @@ use serde::{Deserialize, Serialize};
 pub enum FieldProfile {
     /// No displacement, V = 0.
     Zero,
-    /// V = a sin(bQ).
+    /// A sine, V = a sin(bQ).
     Sine {
-        /// The amplitude a.
+        /// The amplitude a of the sine.
         amplitude: f64,
-        /// The wavenumber b.
+        /// The wavenumber b of the sine.
         wavenumber: f64,
     },
     /// V = a exp(−bQ²), b ≥ 0.
     Gaussian {
-        /// The amplitude a.
+        /// The amplitude a of the Gaussian.
         amplitude: f64,
         /// The rate b of the decay.
         rate: f64,
@@ -120,7 +120,7 @@ impl ParticleField {
         self.profiles.len()
     }
 
-    /// p − Σ sin(kq)Q_k.
+    /// The kinetic momentum p − Σ sin(kq)Q_k of the particle, whose velocity is ε times this.
     #[inline(always)]
     fn velocity<S: Elementary>(&self, z: &[S]) -> S {
         let mut v = z[self.modes() + 1];

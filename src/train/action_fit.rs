@@ -31,7 +31,7 @@ fn chord(angle: f64) -> f64 {
 }
 
 impl ActionFit {
-    /// The largest |m_j|.
+    /// The largest absolute value of the weights m_j that are tried.
     const MOST: i32 = 3;
     /// The largest number of planes: more have too many candidates.
     const MOST_PLANES: usize = 5;

@@ -108,7 +108,7 @@ impl ActionTrial {
         Ok(planes.fold(0.0, max_or_nan))
     }
 
-    /// The smallest error.
+    /// The smallest error of an action that was tried; None if no error is finite.
     fn least(&self) -> Option<f64> {
         let known = self.errors.iter().map(|(_, error)| *error).filter(|error| error.is_finite());
         known.min_by(f64::total_cmp)

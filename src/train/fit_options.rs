@@ -8,7 +8,7 @@ use crate::network::{Block, LayerSizes, NetworkSpec};
 /// The network and the training that a fit has where its options say nothing.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Recipe {
-    /// What is recommended: [`Fit::default`].
+    /// The recommended network and training: [`Fit::default`].
     #[default]
     Recommended,
     /// The recipe of the paper: [`Fit::paper`].
@@ -33,7 +33,7 @@ impl Recipe {
         }
     }
 
-    /// Its fit.
+    /// The fit, with its network and training, that the recipe stands for.
     pub fn fit(self) -> Fit {
         match self {
             Self::Recommended => Fit::default(),
@@ -67,7 +67,7 @@ pub struct FitOptions {
     /// Sizes of parts of the network, by their keys, such as `kicks`. Without an architecture they choose one that has
     /// all these parts.
     pub sizes: Vec<(&'static str, LayerSizes)>,
-    /// The box of polynomials.
+    /// ρ of the box of polynomials, in units of the network: coordinates are from −ρ to ρ.
     pub radius: Option<f64>,
     /// The reflection by which the network is reversible.
     pub reversor: Option<Reversor>,
@@ -82,7 +82,7 @@ pub struct FitOptions {
     pub plateau: Option<u64>,
     /// Stages before the training proper.
     pub ramp: Option<Vec<RampStage>>,
-    /// The loss.
+    /// The loss that the training minimises.
     pub loss: Option<Loss>,
     /// The factor of the near-identity penalty.
     pub near_identity_penalty: Option<f64>,

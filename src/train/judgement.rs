@@ -75,7 +75,7 @@ impl Limit {
 /// Orbits of a network from some points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Orbits {
-    /// The number of orbits.
+    /// The number of orbits that were followed.
     pub count: usize,
     /// The number of orbits that leave the box by more than half of its width, or whose points are
     /// no longer finite.

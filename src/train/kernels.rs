@@ -12,7 +12,7 @@ const TOGETHER: usize = 4;
 #[derive(Clone, Copy)]
 pub(super) struct Blocks<'a> {
     pub(super) map: &'a Composition<f64>,
-    /// One for each component.
+    /// The weights of the squared residuals, one for each of the 2n components.
     pub(super) weights: &'a [f64],
     pub(super) input: &'a [f64],
     pub(super) output: &'a [f64],
@@ -33,7 +33,7 @@ impl<'a> Blocks<'a> {
     /// reason.
     pub(super) const PAIRS: usize = 128 * WIDTH;
 
-    /// How many.
+    /// The number of pairs in all blocks.
     pub(super) fn pairs(&self) -> usize {
         self.input.len() / self.weights.len()
     }
@@ -185,7 +185,7 @@ impl Kernel for Gradient<'_> {
 /// b = (P₊ + P₋ − 2P)(z) held fixed.
 pub(super) struct BendGradient<'a> {
     pub(super) blocks: Blocks<'a>,
-    /// P₊ and P₋.
+    /// The maps P₊ and P₋ whose parameters are ahead of and behind those of P.
     pub(super) beside: [&'a Composition<f64>; 2],
 }
 

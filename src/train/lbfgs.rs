@@ -24,7 +24,7 @@ use std::ops::ControlFlow;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Scaling {
-    /// The parameters themselves.
+    /// The parameters themselves, without scaling.
     None,
     /// Scaled by the Gauss–Newton diagonal.
     GaussNewton {
@@ -240,7 +240,7 @@ impl LbfgsState {
 pub(super) struct Lbfgs<'a> {
     problem: Problem<'a>,
     options: LbfgsOptions,
-    /// Without its segment.
+    /// The counters of the optimiser, without the state of the segment, which `segment` holds.
     state: LbfgsState,
     segment: Option<Segment<'a>>,
 }

@@ -34,15 +34,15 @@ pub(super) fn finite_or_rejected(value: f64) -> f64 {
     if value.is_finite() { value } else { f64::INFINITY }
 }
 
-/// Where an iteration ended.
+/// The result of an iteration: the numbers that go into its [`TrainingRecord`](super::TrainingRecord).
 pub(super) struct Step {
-    /// See [`TrainingRecord`](super::TrainingRecord).
+    /// The loss after the iteration, as in [`TrainingRecord`](super::TrainingRecord).
     pub(super) loss: f64,
     pub(super) gradient: f64,
     pub(super) pairs: usize,
 }
 
-/// An optimiser.
+/// An optimiser, which lowers the loss one iteration after another.
 pub(super) trait Minimise {
     /// Performs one iteration from these parameters, in place; `loss` is that of the previous one.
     /// When the training ends here, the parameters are unchanged.
@@ -55,7 +55,7 @@ pub(super) trait Minimise {
     /// Evaluations of the loss so far.
     fn evaluations(&self) -> u64;
 
-    /// See [`Outcome::curvatures`](super::Outcome::curvatures).
+    /// The number of evaluations of the curvature so far: see [`Outcome::curvatures`](super::Outcome::curvatures).
     fn curvatures(&self) -> u64 {
         0
     }
@@ -103,7 +103,7 @@ impl Resumed {
     }
 }
 
-/// The largest |v|.
+/// The largest absolute value |v| of the numbers; NaN if one of them is.
 pub(super) fn largest(values: &[f64]) -> f64 {
     values.iter().map(|v| v.abs()).fold(0.0, max_or_nan)
 }

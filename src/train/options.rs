@@ -16,7 +16,7 @@ pub enum Optimiser {
     Lbfgs(LbfgsOptions),
     /// Gauss–Newton steps, damped after Levenberg and Marquardt.
     LevenbergMarquardt(LevenbergMarquardtOptions),
-    /// Adam on batches.
+    /// Adam, with a step for each batch of training pairs.
     Adam(AdamOptions),
 }
 

@@ -31,7 +31,7 @@ pub struct TrainingRecord {
 pub enum Stop {
     /// The largest number of iterations was reached.
     Iterations,
-    /// The target was reached.
+    /// The held-out error (loss, without held-out pairs) reached its target.
     Target,
     /// The held-out error did not improve for the given patience.
     Patience,
@@ -44,7 +44,7 @@ pub enum Stop {
     Stalled,
     /// The loss is no longer finite.
     Diverged,
-    /// It was trained elsewhere.
+    /// No training took place: the weights come from a file.
     NotTrained,
     /// The caller asked for it.
     Interrupted,

@@ -33,13 +33,13 @@ pub struct StageData<'a> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(tag = "kind", content = "number", rename_all = "kebab-case")]
 pub enum TrainingStage {
-    /// A start.
+    /// A start from one of several sets of initial weights.
     Start(u64),
     /// A stage of the ramp.
     Ramp(usize),
     /// Twists trained alone: number 0 are those of the ramp, the others fresh ones.
     Twists(u64),
-    /// The training proper.
+    /// The training proper, which is the last stage of every schedule.
     Last,
 }
 

@@ -646,6 +646,11 @@ fn bad_machines_are_refused_before_anything_is_written() {
     let between = sound.replace("lines = 24,", "section = 0.25, lines = 24,");
     refused(&between, &[], &["reversible_polynomials", "mirrored"]);
     refused(&sound, &["--axis", "3.9"], &["--axis", "two numbers"]);
+    for numbers in [["--axis", "nan,0"], ["--reach", "nan"], ["--section-at", "inf"]] {
+        refused(&sound, &numbers, &[numbers[0], "finite"]);
+    }
+    let endless = ["--coils", "none.dat", "--currents", "1,nan", "--field-periods", "5"];
+    refused(&sound, &endless, &["--currents", "finite", "NaN"]);
     refused(
         &sound,
         &["--coils", "none.dat", "--currents", "1", "--field-periods", "5"],
@@ -676,5 +681,6 @@ fn bad_machines_are_refused_before_anything_is_written() {
     let winding = call(path, &["run", "lines.toml", "--out", "b", "--axis", "4.875,0"]);
     let said = String::from_utf8_lossy(&winding.stderr);
     assert!(!winding.status.success() && said.contains("axis from (R, Z) = (4.875, 0)"), "{said}");
+    assert!(said.contains("from a coil"), "{said}");
     assert!(!path.join("a/report.json").exists());
 }

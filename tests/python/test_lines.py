@@ -212,6 +212,97 @@ def test_coils_are_read_by_points(lines, tmp_path):
         gyroceptron.FieldLines(path, currents, 10)
 
 
+def test_the_field_is_that_of_biot_and_savart(tmp_path):
+    path = tmp_path / "coils.npz"
+    np.savez(path, points=torsatron())
+    currents = np.array([5e6, 5e6, -3e6, -3e6])
+    made = gyroceptron.FieldLines(
+        path, currents, 10, stellarator_symmetric=False, reach=0.02, error=1e-3
+    )
+    # The law itself, of the formulas of the coils; each coil is there ten times.
+    t = 2 * np.pi * np.arange(3000) / 3000
+    coils = []
+    for shift in (0, np.pi):
+        radius, slope = 3.9 + 0.975 * np.cos(5 * t + shift), -5 * 0.975 * np.sin(5 * t + shift)
+        c, s = np.cos(t), np.sin(t)
+        height, climb = -0.975 * np.sin(5 * t + shift), -5 * 0.975 * np.cos(5 * t + shift)
+        at = np.stack([radius * c, radius * s, height], 1)
+        coils.append((at, np.stack([slope * c - radius * s, slope * s + radius * c, climb], 1)))
+    for height in (1.55, -1.55):
+        at = np.stack([5.55 * np.cos(t), 5.55 * np.sin(t), np.full(3000, height)], 1)
+        coils.append((at, np.stack([-at[:, 1], at[:, 0], np.zeros(3000)], 1)))
+    angles = np.array([0.1, 2.0, 4.4])
+    radii, heights = np.array([3.9, 4.0, 3.8]), np.array([0.0, 0.1, -0.2])
+    places = np.stack([radii * np.cos(angles), radii * np.sin(angles), heights], 1)
+    law = np.zeros((3, 3))
+    for (at, tangent), current in zip(coils, currents, strict=True):
+        away = places[:, None] - at
+        cross = np.cross(tangent, away) / np.linalg.norm(away, axis=2)[..., None] ** 3
+        law += 1e-7 * 10 * current * cross.mean(1) * 2 * np.pi
+    field = made.field(places)
+    # As exact as points along the coils are for the error that was asked for.
+    assert np.abs(field - law).max() < 1e-3 * np.abs(law).max()
+    assert made.field(places[0]).shape == (3,) and (made.field(places[0]) == field[0]).all()
+    toroidal = field[:, 1] * np.cos(angles) - field[:, 0] * np.sin(angles)
+    # The density is that in the half-plane of the section, at phi = 0.
+    there = np.stack([radii, 0 * radii, heights], 1)
+    assert np.allclose(made.density(there[:, [0, 2]]), np.abs(made.field(there)[:, 1]), rtol=1e-12)
+    assert (np.abs(toroidal) > 1.0).all()
+    gradient = made.field_gradient(places)
+    assert gradient.shape == (3, 3, 3)
+    h = 1e-5
+    for j in range(3):
+        step = h * np.eye(3)[j]
+        slope = (made.field(places + step) - made.field(places - step)) / (2 * h)
+        assert np.abs(slope - gradient[:, :, j]).max() < 1e-6 * np.abs(gradient).max()
+    # div B = 0, of each element of a coil; curl B = 0, of whole coils.
+    assert np.abs(np.trace(gradient, axis1=1, axis2=2)).max() < 1e-12 * np.abs(gradient).max()
+    curl = gradient - gradient.transpose(0, 2, 1)
+    assert np.abs(curl).max() < 1e-2 * np.abs(gradient).max()
+    with pytest.raises(gyroceptron.Error, match="places: columns: expected 3, found 2"):
+        made.field([[1.0, 2.0]])
+
+
+def test_lines_are_followed_backwards_and_until_they_leave(lines):
+    start = lines.starts(6)
+    end = lines.trace(start, 1)[-1]
+    assert np.abs(lines.inverse(end) - start).max() < 10 * lines.error
+    # Not by following them forwards.
+    assert np.abs(lines.trace(end, 1)[-1] - start).max() > 1e-3
+    low, high = np.array(lines.axis) - [0.05, 0.2], np.array(lines.axis) + [0.05, 0.2]
+    found = lines.survival(start, 40, list(low), list(high))
+    states = lines.trace(start, 40)
+    outside = ((states < low) | (states > high)).any(axis=2)[1:]
+    first = [1 + np.argmax(one) if one.any() else 41 for one in outside.T]
+    assert found.dtype == np.int64 and found.tolist() == first
+    assert found[0] == 41 and 1 < found[3] < 41
+    with pytest.raises(gyroceptron.Error, match="low"):
+        lines.survival(start, 4, [0.0], [1.0])
+
+
+def test_manifolds_of_a_field_are_followed_both_ways(lines):
+    (orbit,) = lines.periodic_orbits([[3.575, 0.0]], 11)
+    fixed = orbit["points"][0]
+    assert orbit["residue"] == pytest.approx(-0.53, abs=0.01)
+    short = dict(start=1e-3, spacing=0.02, length=0.05)
+    out = lines.manifold(fixed, 11, **short)
+    back = lines.manifold(fixed, 11, stable=True, **short)
+    # One comes from the orbit, the other goes to it.
+    for end, to_orbit in ((out[-1], lines.inverse), (back[-1], lambda z: lines.trace(z, 1)[-1])):
+        assert np.linalg.norm(end - fixed) > 0.03
+        for _ in range(4 * 11):
+            end = to_orbit(end)
+        assert np.linalg.norm(end - fixed) < 1e-3
+    # Half a turn about an axis in the section takes lines to lines that run backwards.
+    mirrored = np.array([1.0, -1.0]) * back
+    if (mirrored[-1] - fixed) @ (out[-1] - fixed) < 0:
+        back = lines.manifold(fixed, 11, stable=True, forward=False, **short)
+        mirrored = np.array([1.0, -1.0]) * back
+    assert np.abs(mirrored[-1] - out[-1]).max() < 1e-4
+    with pytest.raises(gyroceptron.Error, match="residue"):
+        lines.manifold(lines.axis, 1)
+
+
 def test_bad_lines_are_refused(lines, tmp_path):
     def refused(match, *given, **named):
         with pytest.raises(gyroceptron.Error, match=match):

@@ -74,6 +74,17 @@ def test_orbits_survive_until_they_leave(model):
     along = model.dynamic_aperture([0.0] * 4, rays, list(radii), 300, low, box)
     assert along.shape == (2,) and along[0] == aperture[0]
     assert model.dynamic_aperture([0.0] * 4, rays, [1e3, 2e3], 300, low, box).tolist() == [0.0, 0.0]
+    before = np.random.default_rng(2).uniform(-0.5, 0.5, (3000, 4))
+    polynomial = gyroceptron.SymplecticPolynomial(before, henon(before), 8)
+    (near, none) = (
+        polynomial.dynamic_aperture([0.0] * 4, rays, given, 300, [-v for v in box], box)
+        for given in (list(radii), [1e3, 2e3])
+    )
+    assert near.shape == (2,) and abs(near[0] - aperture[1]) <= 0.04 and none.tolist() == [0.0, 0.0]
+    # The box of its pairs is smaller.
+    assert (polynomial.dynamic_aperture([0.0] * 4, rays, list(radii), 300) < near).all()
+    with pytest.raises(gyroceptron.Error, match="centre"):
+        polynomial.dynamic_aperture([0.0, 0.0], rays, list(radii), 300)
     with pytest.raises(gyroceptron.Error, match="radii"):
         model.dynamic_aperture([0.0] * 4, rays, [0.2, 0.1], 300, low, box)
     with pytest.raises(gyroceptron.Error, match="directions"):

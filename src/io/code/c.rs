@@ -63,7 +63,7 @@ impl Body {
     }
 }
 
-/// `inputs` names them.
+/// The body of a function in C, with the names of its input numbers in `inputs`.
 fn body(function: &Function, inputs: &[String], kernels: &mut Kernels) -> Body {
     let mut out = Body { text: String::new(), names: Vec::new() };
     for Line { result, operation, number: place } in &function.lines {

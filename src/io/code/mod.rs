@@ -193,7 +193,7 @@ fn check_name(language: SourceLanguage, name: &str) -> Result<(), Error> {
 struct About<'a> {
     name: &'a str,
     digest: String,
-    /// A sentence each.
+    /// The lines of the comment at the head of the code.
     lines: Vec<String>,
 }
 

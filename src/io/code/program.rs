@@ -13,7 +13,7 @@ pub(super) type Calls = Vec<Call>;
 /// A call of a function of a [`Program`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Call {
-    /// Which of the functions.
+    /// The index of the called function in the list `functions` of the program.
     pub function: usize,
     /// Where its numbers begin in the table.
     pub numbers: usize,
@@ -35,7 +35,7 @@ pub(super) struct Function {
 /// An operation of a [`Function`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Line {
-    /// What it makes.
+    /// The number that the operation yields.
     pub result: Traced,
     /// How: a constant of a network is 0 here.
     pub operation: Operation,
@@ -46,7 +46,7 @@ pub(super) struct Line {
 /// A model as source code of any language.
 #[derive(Debug)]
 pub(super) struct Program {
-    /// 2n.
+    /// The number of coordinates of a point, 2n.
     pub dim: usize,
     pub functions: Vec<Function>,
     pub table: Vec<f64>,

@@ -7,7 +7,7 @@ use crate::phase::{AreaDensity, Units};
 use crate::scalar::{Operation, TracedKernel};
 use std::fmt::Write;
 
-/// What arrays are of.
+/// The Python library whose arrays the generated code computes with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Arrays {
     Jax,

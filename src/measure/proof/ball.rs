@@ -26,11 +26,11 @@ pub type FineBall = BallOf<ThreeWords>;
 /// A kind of centres that balls are made around, with its constants.
 #[doc(hidden)]
 pub trait BallCentre: Centre {
-    /// π.
+    /// A ball that contains the number π.
     const PI: BallOf<Self>;
-    /// 2π.
+    /// A ball that contains the number 2π.
     const TAU: BallOf<Self>;
-    /// ln 2.
+    /// A ball that contains the natural logarithm ln 2.
     const LN_2: BallOf<Self>;
     /// What series and reductions are made of.
     fn tables() -> &'static Tables<Self>;
@@ -41,9 +41,9 @@ pub trait BallCentre: Centre {
 /// What series and reductions are made of.
 #[doc(hidden)]
 pub struct Tables<C> {
-    /// 1/k!.
+    /// Balls that contain 1/k!, for k from 0 on.
     inverse_factorials: Vec<BallOf<C>>,
-    /// 2^{j/32}: the squares of roots.
+    /// Balls that contain 2^{j/32}, for j from 0 to 31.
     roots_of_two: Vec<BallOf<C>>,
 }
 
@@ -109,9 +109,9 @@ impl BallCentre for ThreeWords {
 }
 
 impl<C: BallCentre> BallOf<C> {
-    /// π.
+    /// A ball that contains the number π.
     pub const PI: Self = C::PI;
-    /// 2π.
+    /// A ball that contains the number 2π.
     pub const TAU: Self = C::TAU;
 
     /// A ball around the sum of the first doubles of `words`, as many as its centre has.
@@ -129,7 +129,7 @@ impl<C: BallCentre> BallOf<C> {
         self.centre.words()
     }
 
-    /// The radius.
+    /// The radius of the ball, an upper bound of the distance from its centre.
     pub fn radius(self) -> f64 {
         self.radius
     }
@@ -162,7 +162,7 @@ impl<C: BallCentre> BallOf<C> {
         -self.negated().lower()
     }
 
-    /// The opposite.
+    /// The ball of the opposite numbers −x.
     pub fn negated(self) -> Self {
         Self { centre: self.centre.negated(), ..self }
     }

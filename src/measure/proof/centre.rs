@@ -42,18 +42,18 @@ pub trait Centre: Copy + PartialEq + std::fmt::Debug + Send + Sync + 'static {
     /// The same for the series of sine and cosine with |x| ≤ 0.8.
     const TRIGONOMETRIC: (usize, f64);
 
-    /// The number of doubles.
+    /// The number of doubles in the sum: two or three.
     const WORDS: usize;
 
-    /// A double.
+    /// The sum that consists of one double, the others being 0.
     fn of(value: f64) -> Self;
     /// The sum of the first [`Centre::WORDS`] of these doubles.
     fn of_words(words: [f64; 3]) -> Self;
     /// The doubles, filled up with zeros.
     fn words(self) -> [f64; 3];
-    /// The first double.
+    /// The first and largest double of the sum.
     fn first(self) -> f64;
-    /// The opposite.
+    /// The sum with the opposite sign of each double.
     fn negated(self) -> Self;
     /// An upper bound of the modulus.
     fn magnitude(self) -> f64;

@@ -188,7 +188,7 @@ pub fn noble_numbers(map: &PlaneMap, ray: Ray, count: usize) -> Vec<NobleNumber>
 }
 
 impl Circle {
-    /// ω.
+    /// The rotation number ω of the circle, in turns per step of the map.
     pub fn omega(&self) -> &NobleNumber {
         &self.candidate.omega
     }
@@ -244,7 +244,7 @@ impl Circle {
 }
 
 impl Candidate {
-    /// K(0).
+    /// An enclosure of the point K(0) of the curve.
     fn start(&self) -> [Ball; 2] {
         let mut out = [Ball::of(0.0); 2];
         for (k, mode) in self.curve().modes.iter().enumerate() {

@@ -39,7 +39,7 @@ impl<T: Number> Wave<T> {
     pub fn conjugate(self) -> Self {
         Self::new(self.re, self.im.scaled(-1.0))
     }
-    /// iz.
+    /// The product iz of the number z with the imaginary unit.
     pub fn times_i(self) -> Self {
         Self::new(self.im.scaled(-1.0), self.re)
     }
@@ -160,7 +160,7 @@ pub(super) struct OnLine {
     modes: Vec<[[Complex; 2]; 2]>,
     /// How far they are off.
     off: Vec<f64>,
-    /// e^{2πkρ}, e^{−2πkρ}.
+    /// The factors e^{2πkρ} and e^{−2πkρ} of the modes −k and k on the line.
     growth: Vec<[f64; 2]>,
     /// max |c_k|, over both components of both.
     largest: Vec<f64>,
@@ -171,15 +171,15 @@ pub(super) struct OnLine {
 /// What the parts of one length have in common.
 pub(super) struct PartLength {
     half: f64,
-    /// For each mode.
+    /// The series of e^x of each mode k, from k = 0 on.
     steps: Vec<ModeStep>,
 }
 
 /// x = 2πk·half of a mode k, and its series e^x.
 struct ModeStep {
-    /// e^x.
+    /// The value e^x of the whole series.
     all: f64,
-    /// x^{D+1} e^x/(D+1)!.
+    /// A bound of the terms beyond degree D, x^{D+1} e^x/(D+1)!.
     beyond: f64,
     /// x/m for m from 1 to D + 1.
     ratios: [f64; DEGREE + 1],
@@ -209,12 +209,12 @@ pub(super) struct Part {
     pub point: [Taylor; 2],
     pub slope: [Taylor; 2],
     pub next_slope: [Taylor; 2],
-    /// φ.
+    /// The argument φ of the curve on the part, in turns.
     turns: Taylor,
 }
 
 impl Part {
-    /// φ.
+    /// The argument φ of the curve on the part, in turns.
     pub fn turns(&self) -> Taylor {
         self.turns
     }

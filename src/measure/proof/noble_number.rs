@@ -62,12 +62,12 @@ impl NobleNumber {
         best
     }
 
-    /// a₁, …, a_r.
+    /// The quotients a₁, …, a_r of the continued fraction, before its endless ones.
     pub fn quotients(&self) -> &[u32] {
         &self.quotients
     }
 
-    /// The number.
+    /// A ball around a sum of two doubles that contains the noble number.
     pub fn value(&self) -> Ball {
         self.enclosed()
     }
@@ -115,12 +115,12 @@ impl NobleNumber {
     }
 }
 
-/// (1 + √5)/2.
+/// A ball that contains the golden ratio (1 + √5)/2.
 fn golden<C: BallCentre>() -> BallOf<C> {
     BallOf::of(5.0).sqrt().plus(BallOf::of(1.0)).scaled(0.5)
 }
 
-/// [0; 1, 2, (1)].
+/// Writes the continued fraction with its endless ones in parentheses, such as `[0; 1, 2, (1)]`.
 impl std::fmt::Display for NobleNumber {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let listed: Vec<String> =

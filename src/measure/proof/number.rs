@@ -5,11 +5,11 @@ use super::rounded::up;
 /// A real number that is not a double: it is within a radius of the sum of two doubles.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Constant {
-    /// The first double.
+    /// The first and larger of the two doubles whose sum is near the number.
     pub high: f64,
-    /// The second one.
+    /// The second and smaller of the two doubles whose sum is near the number.
     pub low: f64,
-    /// The radius.
+    /// An upper bound of the distance of the number from the sum of the two doubles.
     pub radius: f64,
     /// The same number with more digits: three doubles, and a radius around their sum.
     pub fine: ([f64; 3], f64),
@@ -26,21 +26,21 @@ impl Constant {
 ///
 /// The result of an operation on enclosures contains the results for all numbers in them.
 pub trait Number: Copy {
-    /// A double.
+    /// The number of this type that stands for a double.
     fn of(value: f64) -> Self;
-    /// The sum.
+    /// The sum of two numbers, or an enclosure of it.
     fn plus(self, other: Self) -> Self;
-    /// The difference.
+    /// The difference of two numbers, or an enclosure of it.
     fn minus(self, other: Self) -> Self {
         self.plus(other.scaled(-1.0))
     }
-    /// The product.
+    /// The product of two numbers, or an enclosure of it.
     fn times(self, other: Self) -> Self;
     /// The product with a double.
     fn scaled(self, factor: f64) -> Self;
     /// The product with a constant that no double is.
     fn scaled_by(self, factor: Constant) -> Self;
-    /// The tanh.
+    /// The hyperbolic tangent of the number, or an enclosure of it.
     fn tanh(self) -> Self;
     /// The sine and the cosine.
     fn sin_cos(self) -> (Self, Self);
@@ -85,9 +85,9 @@ pub trait Function {
 
 /// A coordinate during the evaluation of a map: a [`Number`], or one with derivatives by the starting point.
 pub trait Coordinate: Copy {
-    /// The sum.
+    /// The sum of two coordinates, with its derivatives if they have some.
     fn plus(self, other: Self) -> Self;
-    /// The product.
+    /// The product of two coordinates, with its derivatives if they have some.
     fn times(self, other: Self) -> Self;
     /// The product with a double.
     fn scaled(self, factor: f64) -> Self;
@@ -95,7 +95,7 @@ pub trait Coordinate: Copy {
     fn scaled_by(self, factor: Constant) -> Self;
     /// The sum with a constant.
     fn shifted(self, by: f64) -> Self;
-    /// A function of it.
+    /// A function of the coordinate, with its derivatives if the coordinate has some.
     fn through(self, function: &impl Function) -> Self;
     /// The sine and the cosine.
     fn sin_cos(self) -> (Self, Self);
@@ -132,11 +132,11 @@ const PAIRS: [(usize, usize); 3] = [(0, 0), (0, 1), (1, 1)];
 /// A number with its two first derivatives and, if `SECOND` is true, the second ones ∂₀∂₀, ∂₀∂₁, ∂₁∂₁.
 #[derive(Clone, Copy, Debug)]
 pub struct Jet<N, const SECOND: bool> {
-    /// The value.
+    /// The value of the number, without derivatives.
     pub value: N,
-    /// The first derivatives.
+    /// The first derivatives ∂₀ and ∂₁ of the number.
     pub first: [N; 2],
-    /// The second ones.
+    /// The second derivatives ∂₀∂₀, ∂₀∂₁ and ∂₁∂₁, which mean nothing unless `SECOND` is true.
     pub second: [N; 3],
 }
 

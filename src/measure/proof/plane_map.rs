@@ -17,32 +17,32 @@ pub enum Slope {
     Tanh {
         /// a_k, b_k and w_k of each neuron.
         neurons: Vec<[f64; 3]>,
-        /// r.
+        /// The coefficient r of the linear term rx.
         linear: f64,
     },
     /// l Σ_m c_m T_m((x − centre)·k), with Chebyshev polynomials T_m.
     Chebyshev {
-        /// The centre.
+        /// The centre of the interval of x that the polynomials are made for.
         centre: f64,
         /// k, the inverse of half the width of the interval.
         inverse_half: f64,
-        /// l.
+        /// The factor l of the whole sum.
         factor: f64,
-        /// c_m.
+        /// The coefficients c_m of the polynomials T_m, from m = 0 on.
         coefficients: Vec<f64>,
     },
     /// A scalar function between the modules of a SympNet.
     Activation {
-        /// The activation function.
+        /// The activation function of the module.
         activation: Activation,
-        /// Its factor.
+        /// The factor that the activation function is multiplied by.
         factor: f64,
     },
     /// sin 2πx, of a coordinate that counts turns.
     Sine,
-    /// rx.
+    /// The linear function rx with the coefficient r.
     Linear(f64),
-    /// A constant.
+    /// A function that has the same value for all x.
     Constant(f64),
 }
 
@@ -175,48 +175,48 @@ pub enum PlaneStep {
     Shear {
         /// The coordinate that it changes.
         target: Half,
-        /// c.
+        /// The factor c of the increment.
         factor: f64,
-        /// τ = −1.
+        /// Whether the source is reflected, τ = −1.
         reflect: bool,
-        /// η.
+        /// The shift η of the argument of f.
         shift: f64,
-        /// f.
+        /// The function f that the shear adds a multiple of.
         slope: Slope,
     },
     /// R(−φ)∘K∘R(φ) with K: p += c·f(q) and the clockwise turn R(φ): q += −c sin φ·f(x), p += c cos φ·f(x),
     /// x = q cos φ + p sin φ.
     TurnedShear {
-        /// φ, in radians.
+        /// The angle φ of the turn R(φ), in radians.
         angle: f64,
-        /// c.
+        /// The factor c of the shear K.
         factor: f64,
-        /// f.
+        /// The function f that the shear K adds a multiple of.
         slope: Slope,
     },
     /// The turn by m·θ, clockwise where it is positive.
     Turn {
-        /// θ, in radians.
+        /// The angle θ of the circle action, in radians.
         angle: f64,
-        /// m.
+        /// The weight m: the turns of the plane while θ goes round once.
         weight: i32,
     },
     /// The turn by m·c·f(½m(q² + p²)).
     Twist {
-        /// c.
+        /// The factor c of the angle of the turn.
         factor: f64,
-        /// m.
+        /// The weight m of the plane in the action ½m(q² + p²).
         weight: i32,
-        /// f.
+        /// The function f of the action, of which the angle is a multiple.
         slope: Slope,
     },
     /// The change of sign of a coordinate. It is not symplectic, but a pair of reflections is.
     Reflection(Half),
     /// The product of a coordinate with 1 + μ. It is not symplectic, and no model has such a step.
     Scaling {
-        /// The coordinate.
+        /// The coordinate that is multiplied by 1 + μ.
         target: Half,
-        /// μ.
+        /// The excess μ of the factor over 1.
         excess: f64,
     },
 }
@@ -430,7 +430,7 @@ impl Prepared<'_> {
         self.map.cylinder
     }
 
-    /// z ← F(z).
+    /// Applies the map F to a point in place, z ← F(z).
     pub fn apply<C: Coordinate>(&self, z: &mut [C; 2]) {
         for (step, &(s, c)) in self.map.steps.iter().zip(&self.turns) {
             match step {

@@ -12,20 +12,20 @@ pub(super) fn down(rounded: f64) -> f64 {
     (rounded - (rounded * (2.0 * f64::EPSILON) + f64::MIN_POSITIVE)).max(0.0)
 }
 
-/// A complex number.
+/// A complex number with a real and an imaginary part in double precision.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Complex {
-    /// The real part.
+    /// The real part of the complex number.
     pub re: f64,
-    /// The imaginary part.
+    /// The imaginary part of the complex number.
     pub im: f64,
 }
 
 impl Complex {
-    /// 0.
+    /// The complex number 0, both of whose parts are 0.
     pub const ZERO: Self = Self { re: 0.0, im: 0.0 };
 
-    /// re + i·im.
+    /// The complex number re + i·im.
     #[inline(always)]
     pub fn new(re: f64, im: f64) -> Self {
         Self { re, im }

@@ -17,7 +17,7 @@ use std::f64::consts::TAU;
 pub struct Ray {
     /// The start: near the fixed point that the circles go around, or, on a cylinder, below all circles.
     pub from: [f64; 2],
-    /// The end.
+    /// The end of the ray, up to which circles are searched.
     pub to: [f64; 2],
 }
 

@@ -147,7 +147,7 @@ impl Taylor {
         out
     }
 
-    /// The polynomial alone.
+    /// The model of the polynomial alone, whose remainder is 0.
     fn polynomial(&self) -> Self {
         Self { remainder: 0.0, ..*self }
     }

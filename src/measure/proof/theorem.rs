@@ -45,11 +45,11 @@ pub struct Constants {
     pub aliasing: f64,
     /// |F∘K − c₀| on |Im φ| ≤ ρ̂, where c₀ is the centre of K.
     pub image: f64,
-    /// |K′|.
+    /// An upper bound of |K′|, where K′ is the derivative of the curve, on |Im φ| ≤ ρ.
     pub tangent: f64,
-    /// |N|, N = JK′/(K′·K′).
+    /// An upper bound of |N| on |Im φ| ≤ ρ, where N = JK′/(K′·K′) is normal to the curve.
     pub normal: f64,
-    /// |DF·N|.
+    /// An upper bound of |DF·N|, the image of the normal vector N, on |Im φ| ≤ ρ.
     pub moved_normal: f64,
     /// |T|, where T (the torsion) is the component of DF·N along K′(· + ω).
     pub torsion: f64,
@@ -93,7 +93,7 @@ fn is_fine(value: &Taylor, size: f64) -> bool {
     value.remainder() <= FINE * size
 }
 
-/// a × b.
+/// The cross product a × b of two vectors of the plane.
 fn cross<N: Number>(a: [N; 2], b: [N; 2]) -> N {
     a[0].times(b[1]).minus(a[1].times(b[0]))
 }
@@ -110,12 +110,12 @@ struct Residual {
 /// What is bounded along the edge of the strip.
 struct OnStrip {
     tangent: f64,
-    /// |K′·K′| at least.
+    /// A lower bound of |K′·K′| on |Im φ| ≤ ρ.
     square: f64,
     normal: f64,
     moved_normal: f64,
     torsion: f64,
-    /// |DF|.
+    /// An upper bound of the norm |DF| of the derivative of the map around the curve.
     first: f64,
     second: f64,
 }
@@ -521,7 +521,7 @@ struct Bounds {
     normal: f64,
     moved_normal: f64,
     torsion: f64,
-    /// 1/|⟨T⟩|.
+    /// An upper bound of 1/|⟨T⟩|, where ⟨T⟩ is the mean torsion.
     inverse_mean: f64,
     second: f64,
 }

@@ -350,6 +350,16 @@ class SymplecticPolynomial:
         high: Sequence[float] | None = None,
     ) -> NDArray[np.int64]:
         """The number of steps after which each orbit is outside of a box, steps + 1 for those that stay."""
+    def dynamic_aperture(
+        self,
+        centre: ArrayLike,
+        directions: ArrayLike,
+        radii: Sequence[float],
+        steps: int,
+        low: Sequence[float] | None = None,
+        high: Sequence[float] | None = None,
+    ) -> NDArray[np.float64]:
+        """The largest radius along each direction (M, 2n) up to which all orbits stay in a box: (M,)."""
 
 class FieldLines:
     """Field lines of coils, and the map of a section along them: points are (..., 2), R and Z in metres."""
@@ -380,10 +390,16 @@ class FieldLines:
         """The points where lines begin, (lines, 2): from the axis outwards to the reach."""
     def trace(self, points: ArrayLike, maps: int) -> NDArray[np.float64]:
         """The points of lines, map after map: (maps + 1, ..., 2); NaN for a line that is lost."""
+    def inverse(self, points: ArrayLike) -> NDArray[np.float64]:
+        """The points from which lines come to points (..., 2) in one map."""
     def jacobian(self, points: ArrayLike) -> NDArray[np.float64]:
         """The Jacobians of a map at points (..., 2): (..., 2, 2)."""
     def density(self, points: ArrayLike) -> NDArray[np.float64]:
         """The toroidal field |B_phi| at points (..., 2), in tesla: (...)."""
+    def field(self, places: ArrayLike) -> NDArray[np.float64]:
+        """The field of the coils at places (..., 3), Cartesian, in tesla: (..., 3)."""
+    def field_gradient(self, places: ArrayLike) -> NDArray[np.float64]:
+        """The derivatives of the field at places (..., 3), in tesla per metre: (..., 3, 3)."""
     def periodic_orbits(
         self, guesses: ArrayLike, period: int = 1, apart: float = 1e-6
     ) -> list[_PeriodicOrbit]:
@@ -396,6 +412,22 @@ class FieldLines:
         self, guess: ArrayLike, period: int = 1, *, around: ArrayLike, reach: float = 0.15
     ) -> dict[str, float] | None:
         """The island of the elliptic orbit near `guess` on a ray: low, high, width and angle; None without one."""
+    def manifold(
+        self,
+        guess: ArrayLike,
+        period: int = 1,
+        *,
+        stable: bool = False,
+        forward: bool = True,
+        start: float = 1e-6,
+        spacing: float = 1e-2,
+        length: float = 1.0,
+    ) -> NDArray[np.float64]:
+        """A branch of a manifold of the periodic orbit near `guess`: points (N, 2)."""
+    def survival(
+        self, points: ArrayLike, maps: int, low: Sequence[float], high: Sequence[float]
+    ) -> NDArray[np.int64]:
+        """The number of maps after which each line is outside of a box, maps + 1 for those that stay."""
     def lyapunov_exponent(self, point: ArrayLike, steps: int) -> float:
         """The finite-time Lyapunov exponent of the orbit from `point`, per step."""
     def alignment_index(self, point: ArrayLike, steps: int) -> float:

@@ -321,7 +321,7 @@ fn timings(report: &Report) -> Result<Markup, Error> {
     Ok(out)
 }
 
-/// Text, tables and headings.
+/// The HTML of a list of headings, texts and tables.
 fn blocks(blocks: &[Block]) -> Markup {
     html! {
         @for block in blocks {

@@ -33,7 +33,7 @@ const MOST_MARKS: usize = 32;
 /// How many forms of marks there are.
 const FORMS: usize = 8;
 
-/// Pixels of a panel.
+/// The width of a panel, in pixels.
 const WIDTH: u32 = 560;
 const HEIGHT: u32 = 460;
 /// Pixels of the area in which the points of a panel are, about.
@@ -66,16 +66,16 @@ pub fn draw(path: &Path, figure: &Figure) -> Result<(), Error> {
 /// Where the coordinate system of a panel is in the drawing.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Placed {
-    /// Its title.
+    /// The title of the panel.
     title: String,
     /// What is along its axes.
     names: [String; 2],
     /// Pixels of its corners: left, right, top, bottom.
     #[serde(rename = "box")]
     corners: [i32; 4],
-    /// The range of x, in powers of ten where it is logarithmic.
+    /// The range of x, in powers of ten where it is logarithmic, and whether it is.
     x: (f64, f64, bool),
-    /// The range of y.
+    /// The range of y, in powers of ten where it is logarithmic, and whether it is.
     y: (f64, f64, bool),
 }
 
@@ -325,7 +325,7 @@ impl ValueFormatter<f64> for Scale {
 }
 
 impl Frame {
-    /// One for each panel.
+    /// The axes of all panels of a figure, with equal ranges where the figure asks for them.
     fn all(figure: &Figure) -> Vec<Self> {
         let each: Vec<_> = figure.panels.iter().map(|panel| (panel, extent(panel))).collect();
         if figure.same_axes == SameAxes::No {

@@ -30,7 +30,7 @@ pub struct ActionsOptions {
     pub steps: usize,
     /// The number of applications between two states that are kept.
     pub every: usize,
-    /// The initial points.
+    /// The initial points of the trajectories, 2n numbers each.
     pub initial: Vec<Vec<f64>>,
 }
 
@@ -170,7 +170,7 @@ fn resonance(system: &System) -> String {
     )
 }
 
-/// An action along trajectories.
+/// An action of the limit or of a network, and its changes along trajectories.
 #[derive(Serialize)]
 struct Action {
     /// The name of what it is the action of.

@@ -28,15 +28,15 @@ pub(in crate::scene) const CHECKPOINT: &str = "adiabatic-horizon.checkpoint";
 pub struct AdiabaticHorizonOptions {
     /// The values of ε. ε = 0 is run beside them, to show the effect of rounding.
     pub epsilons: Vec<f64>,
-    /// The factors ρ, ascending.
+    /// The factors ρ ≥ 1 of the horizons N(ε), ascending.
     pub factors: Vec<f64>,
     /// How many times weights are drawn.
     pub seeds: u64,
-    /// Iterations of each orbit.
+    /// The number of iterations of each orbit, at least 1000.
     pub iterations: u64,
     /// Orbits of the first weights that are continued for longer.
     pub long: Option<LongOrbits>,
-    /// The network.
+    /// The gyroceptron, apart from its ε and the seed of its weights.
     pub network: RandomNetwork,
 }
 
@@ -141,7 +141,7 @@ impl Study for AdiabaticHorizonOptions {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Run {
     epsilon: f64,
-    /// Which of the weights.
+    /// The number of the draw of weights, from 0, which is added to the scene's seed.
     number: u64,
     iterations: u64,
     orbit: AdiabaticOrbit,
@@ -225,7 +225,7 @@ impl AdiabaticHorizonOptions {
     }
 }
 
-/// Where all orbits ended.
+/// The orbits of all ε and all weights, after their last iteration.
 struct Found<'a> {
     options: &'a AdiabaticHorizonOptions,
     orbits: Vec<Run>,
@@ -248,7 +248,7 @@ impl Found<'_> {
         out
     }
 
-    /// D(N) of all weights.
+    /// The spread over all weights of D(N), the largest |μ − μ(0)| of the first N iterations.
     fn drift(&self, epsilon: f64, number: u64) -> Option<Spread> {
         let of = |run: &Run| run.orbit.drifts().iter().find(|(n, _)| *n == number).map(|(_, d)| *d);
         Spread::of(self.runs_at(epsilon).filter_map(of).collect())

@@ -21,11 +21,11 @@ const PROFILES: &str = "adiabatic-profiles";
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AdiabaticProfilesOptions {
-    /// The values of ε.
+    /// The values of ε, all positive.
     pub epsilons: Vec<f64>,
-    /// Applications of the map.
+    /// The number of applications of the map along the orbit, at least 100.
     pub iterations: usize,
-    /// The network.
+    /// The gyroceptron, apart from its ε and the seed of its weights.
     pub network: RandomNetwork,
 }
 

@@ -59,7 +59,7 @@ fn entry(model: &str, certificate: &Certificate) -> serde_json::Value {
     json!({ "model": model, "holds": certificate.holds(), "rows": certificate.rows })
 }
 
-/// The headings of [`certificate_table`].
+/// The column headings of [`certificate_table`].
 pub const CERTIFICATE_HEADINGS: [&str; 8] =
     ["law", "measured", "samples", "largest", "median", "limit", "headroom", "verdict"];
 

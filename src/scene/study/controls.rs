@@ -262,14 +262,14 @@ struct Truth {
     learnt: bool,
     axis: [f64; 2],
     trace: f64,
-    /// |ι| on the axis.
+    /// The absolute rotational transform |ι| on the magnetic axis.
     iota: f64,
     /// What a map errs by.
     error: f64,
     starts: Vec<f64>,
     /// Inputs and outputs of all maps, without those of lines that are lost.
     pairs: [Vec<f64>; 2],
-    /// The last states.
+    /// The points (R, Z) of all lines after the last map, in metres; NaN of lost lines.
     end: Vec<f64>,
     maps: usize,
 }
@@ -286,7 +286,7 @@ struct AtValues {
     iota: f64,
 }
 
-/// Derivatives by each control.
+/// Derivatives of the axis and of what lines do near it, by each control.
 #[derive(Serialize)]
 struct Slopes {
     /// Of the axis, (R, Z).
@@ -362,7 +362,7 @@ struct Known {
 type AsksFor<'a> = &'a mut dyn FnMut(&[f64]) -> Result<Option<Known>, Error>;
 
 impl Slopes {
-    /// What they are of, …
+    /// The quantities that derivatives are taken of, in the order of [`Slopes::by`].
     const ROWS: [&str; 5] = [
         "R of the axis [m]",
         "Z of the axis [m]",
@@ -371,7 +371,7 @@ impl Slopes {
         "turns of a line in a map",
     ];
 
-    /// … by a control.
+    /// The derivatives of the quantities in `ROWS` by one control.
     fn by(&self, control: usize) -> [f64; 5] {
         let [r, z] = self.axis[control];
         [r, z, self.trace[control], self.iota[control], self.turns[control]]
@@ -619,7 +619,7 @@ fn secant(
     Ok(None)
 }
 
-/// d|ι|/dTr M.
+/// The derivative of |ι| by the trace Tr M of the map at the axis.
 fn iota_by_trace(trace: f64, maps_a_turn: f64) -> f64 {
     -0.5 * maps_a_turn / (TAU * libm::sqrt(1.0 - 0.25 * trace * trace))
 }

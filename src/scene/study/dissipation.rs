@@ -37,7 +37,7 @@ pub struct DissipationOptions {
     pub steps: usize,
     /// The number of applications between two states that are kept.
     pub every: usize,
-    /// The initial points.
+    /// The initial points of the trajectories, 2n numbers each.
     pub initial: Vec<Vec<f64>>,
 }
 
@@ -118,7 +118,7 @@ impl Study for DissipationOptions {
 }
 
 impl DissipationOptions {
-    /// Held-out points, evenly chosen.
+    /// Evenly chosen points of the pairs that networks are judged by, at most `points`.
     fn points_of(&self, context: &mut Context<'_>) -> Result<Vec<Vec<f64>>, RunError> {
         let data = context.data()?;
         let pairs = data.to_judge_by();
@@ -231,9 +231,9 @@ struct Volumes {
     shrinking: f64,
     /// The root mean square of log det J of the flow.
     of_flow: f64,
-    /// That of the network.
+    /// The root mean square of log |det J| of the network.
     own: f64,
-    /// That of their difference.
+    /// The root mean square of the difference of log |det J| between network and flow.
     error: f64,
     /// The root mean square of the largest entry of JᵀΩJ − Ω.
     defect: f64,

@@ -33,7 +33,7 @@ const FIGURE: &str = "family";
 pub struct FamilyOptions {
     /// The values of ε at which they are judged.
     pub epsilons: Vec<f64>,
-    /// The flow times.
+    /// The flow times at which the networks are judged, all positive.
     pub flow_times: Vec<f64>,
     /// The slow time, ε times the length, over which invariants are followed along trajectories of
     /// the reference.

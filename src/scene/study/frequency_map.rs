@@ -48,7 +48,7 @@ pub struct FrequencyMapOptions {
     pub along: [usize; 2],
     /// The smallest values of the two coordinates.
     pub low: [f64; 2],
-    /// Their largest values.
+    /// The largest values of the two coordinates.
     pub high: [f64; 2],
     /// The number of points along each.
     pub points: [usize; 2],
@@ -196,13 +196,13 @@ impl Resonance {
         (1..=order as i32).flat_map(of_order).collect()
     }
 
-    /// m·ν minus the nearest integer.
+    /// How far m·ν is from the nearest integer.
     fn distance(self, tunes: [f64; 2]) -> f64 {
         let sum = f64::from(self.m[0]) * tunes[0] + f64::from(self.m[1]) * tunes[1];
         (sum - sum.round()).abs()
     }
 
-    /// `3ν₁ − 2ν₂`.
+    /// The combination of tunes as text, such as `3ν₁ − 2ν₂`.
     fn name(self) -> String {
         let term = |m: i32, plane: char| match m.abs() {
             1 => format!("ν{plane}"),

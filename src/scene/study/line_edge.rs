@@ -34,7 +34,7 @@ const SPACING: f64 = 2e-3;
 pub struct EdgeOptions {
     /// The smallest distance of a line from the axis at its start, in metres.
     pub from: f64,
-    /// The largest one.
+    /// The largest distance of a line from the axis at its start, in metres.
     pub to: f64,
     /// The number of lines between them.
     pub lines: usize,
@@ -311,7 +311,7 @@ impl<'a> EdgeMap<'a> {
 struct LineExponents {
     /// The Lyapunov exponent, by map.
     exponent: f64,
-    /// The smaller alignment index.
+    /// The smaller alignment index (SALI) after the maps of the exponents.
     index: f64,
 }
 

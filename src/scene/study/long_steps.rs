@@ -53,7 +53,7 @@ pub struct LongStepsOptions {
     pub duration: f64,
     /// The time between two of their states that are compared with the reference.
     pub interval: f64,
-    /// Their initial points.
+    /// The initial points of the trajectories, 2n numbers each.
     pub initial: Vec<Vec<f64>>,
     /// The number of held-out pairs on which one step is judged.
     pub points: usize,
@@ -72,7 +72,7 @@ pub struct LongStepsOptions {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct IntegratorStepSizes {
-    /// Which.
+    /// The integrator that the networks are compared with.
     pub integrator: Integrator,
     /// Its steps, as times. For each, the number of steps is the one that comes nearest to a flow time, and at least
     /// one.
@@ -130,7 +130,7 @@ impl IntegratorStepSizes {
         }
     }
 
-    /// All steps, as times.
+    /// The step sizes of the list or of the range, as times.
     fn sizes(&self) -> Vec<f64> {
         let (Some(from), Some(to)) = (self.from, self.to) else { return self.steps.clone() };
         // But for rounding, the last is among them.

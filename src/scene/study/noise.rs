@@ -36,11 +36,11 @@ pub struct NoiseOptions {
     /// A gap, if given: training pairs with inputs in it are left out. These pairs have no noise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gap: Option<Gap>,
-    /// Applications of the map.
+    /// The number of applications of each network in a roll-out.
     pub steps: usize,
     /// The number of steps between two states that are compared with the reference.
     pub every: usize,
-    /// The initial points.
+    /// The initial points of the roll-outs, 2n numbers each.
     pub initial: Vec<Vec<f64>>,
 }
 
@@ -333,7 +333,7 @@ impl NoiseOptions {
         Ok(clean.changed(&mut |name, pairs| changed(pairs, fault, seed, name), system, time)?)
     }
 
-    /// None first.
+    /// The faults of the pairs: first `Fault::None`, then each level of noise, then the gap.
     fn faults(&self) -> impl Iterator<Item = Fault> {
         let noise = self.levels.iter().map(|level| Fault::Noise(*level));
         [Fault::None].into_iter().chain(noise).chain(self.gap.map(Fault::Gap))

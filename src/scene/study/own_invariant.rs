@@ -29,11 +29,11 @@ const SPARSE: usize = 5;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct OwnInvariantOptions {
-    /// Applications of the map.
+    /// The number of applications of each network along an orbit.
     pub steps: usize,
     /// One state in so many is looked at.
     pub every: usize,
-    /// The initial points.
+    /// The initial points of the orbits, 2n numbers each.
     pub initial: Vec<Vec<f64>>,
 }
 

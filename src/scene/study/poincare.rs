@@ -80,7 +80,7 @@ pub struct PoincareOptions {
     /// Degrees of even ones, for sections that the reflection of Z maps to themselves with lines that run backwards.
     #[serde(default)]
     pub reversible_polynomials: Vec<usize>,
-    /// Tabulated planes, as rivals.
+    /// Tabulated planes that lines are followed through, as rivals of the networks.
     #[serde(default)]
     pub planes: Vec<Planes>,
     /// Tracing in the field of the coils, as a rival: each number divides the number of steps of the reference.
@@ -230,7 +230,7 @@ impl Study for PoincareOptions {
         degrees.iter().map(|degree| format!("reversible polynomial of degree {degree}")).collect()
     }
 
-    /// Less of all.
+    /// Makes the study shorter: lower degrees, fewer maps, fewer lines and fewer rounds.
     fn shorten(&mut self) {
         const LONGEST: usize = 10_000;
         // A quarter of the pairs does not determine more coefficients.
@@ -811,7 +811,7 @@ fn surfaces_figure(found: &[Judged]) -> Figure {
     Figure::in_a_row(SURFACES, "How far lines drift off their surfaces.", vec![panel])
 }
 
-/// Orbits that come back.
+/// The magnetic axis and the periodic orbits of a resonance, of the reference and of each map.
 #[derive(Serialize)]
 struct Fixed {
     resonance: Option<Resonance>,

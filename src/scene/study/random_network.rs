@@ -10,9 +10,9 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RandomNetwork {
-    /// The sizes of ψ.
+    /// The number and the widths of the layers of ψ.
     pub psi: LayerSizes,
-    /// The sizes of I_ε.
+    /// The number and the widths of the layers of the near-identity map I_ε.
     pub near_identity: LayerSizes,
     /// The angle θ, in radians.
     pub theta: f64,
@@ -46,7 +46,7 @@ impl RandomNetwork {
         self.architecture(epsilon).initialise(self.weights, self.theta, seed)
     }
 
-    /// The network in words.
+    /// A description of the network in words, for reports.
     pub(super) fn words(&self) -> String {
         format!(
             "ψ: {} layers of {}; I_ε: {} layers of {}; θ = {}; from (q, p) = {:?}; weights {}",

@@ -34,7 +34,7 @@ const ERROR: &str = "rollout-error";
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RolloutOptions {
-    /// Applications of the map.
+    /// The number of applications of each network.
     pub steps: usize,
     /// One state in so many is kept.
     pub every: usize,
@@ -304,7 +304,7 @@ impl Change {
 /// A network along its orbits.
 struct Network<'a> {
     name: &'a str,
-    /// The held-out error.
+    /// The mean squared error of one step on the held-out pairs, if there are any.
     one_step: Option<f64>,
     orbits: &'a Trajectories,
     departures: Vec<Departure>,
@@ -318,9 +318,9 @@ struct Network<'a> {
 
 /// The invariant of a network itself: 𝔍₀∘ψ⁻¹ of a gyroceptron, 𝔍∘χ⁻¹ of one in normal form.
 struct Learnt {
-    /// Along its own orbits.
+    /// The change of the invariant along the network's own orbits.
     along_own: Change,
-    /// Along the reference.
+    /// The change of the invariant along the trajectories of the reference.
     along_reference: Change,
     /// Root mean square of a gyroceptron's I_ε(z) − z over the states of the reference,
     /// and ε.
@@ -382,7 +382,7 @@ struct Orbits<'a> {
     /// The one to draw, from 1.
     plane: Option<usize>,
     interval: f64,
-    /// Of the initial points.
+    /// The names of the initial points: the coordinates in which they differ.
     names: Vec<String>,
     reference: &'a Trajectories,
     /// μ₀ of the system along the reference.
@@ -690,7 +690,7 @@ fn level_through((averaged, start): (AveragedOscillator, [f64; 2])) -> Option<Se
     Some(Series { name, color: GREY, style: Style::Faint, points })
 }
 
-/// `ε = 1e-3`.
+/// The value of ε as text, such as `ε = 1e-3`.
 pub(super) fn epsilon_name(epsilon: f64) -> String {
     format!("ε = {}", Format::Setting.number(epsilon))
 }

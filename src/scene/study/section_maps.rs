@@ -22,11 +22,11 @@ use std::f64::consts::TAU;
 pub(super) enum SectionMap<'a> {
     /// A network in the chart of its section.
     Network(Box<StoredModel>),
-    /// Polynomials of least squares.
+    /// A polynomial map in R and Z, fitted by least squares.
     Polynomial(PolynomialMap),
     /// A polynomial generating function of least squares in the chart of the section.
     Generating(Box<PolynomialOnSection>),
-    /// Lines through tabulated planes.
+    /// The map of field lines that are followed through tabulated planes.
     Tabulated(TabulatedLines),
     /// Lines in the field of the coils.
     Coils(LineMap<'a>),
@@ -212,7 +212,7 @@ pub(super) struct Judge<'a> {
     pub(super) flux_of_profile: Vec<Option<f64>>,
     /// Numbers of maps, ascending, before each of which points are compared with the curves.
     pub(super) counts: &'a [usize],
-    /// How many points.
+    /// The number of points of each line that are compared with its curve before each count.
     pub(super) last: usize,
 }
 
@@ -243,7 +243,7 @@ pub(super) struct Judged {
     pub(super) turns: [f64; 2],
 }
 
-/// [`RotationNumber`], to be written.
+/// The numbers of a [`RotationNumber`], in a form that can be serialised.
 #[derive(Clone, Copy, Serialize)]
 pub(super) struct RotationTurns {
     pub(super) turns: f64,

@@ -16,7 +16,7 @@ pub(super) struct SeedErrors {
     pub(super) network: String,
     /// Root mean square distances from the reference after one step; infinite or NaN where points are lost.
     pub(super) one_step: Vec<f64>,
-    /// The same over trajectories.
+    /// Root mean square distances from the reference along trajectories; infinite or NaN where points are lost.
     pub(super) trajectories: Vec<f64>,
 }
 

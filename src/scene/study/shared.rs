@@ -56,7 +56,7 @@ pub(in crate::scene) trait Study: Any {
         }
     }
 
-    /// Does one of them.
+    /// Trains one of the study's own networks, which has not been trained yet.
     fn train_new(
         &self,
         context: &mut Context<'_>,

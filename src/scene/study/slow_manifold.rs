@@ -28,7 +28,7 @@ const OFF: &str = "learnt-invariant";
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SlowManifoldOptions {
-    /// Applications of the map.
+    /// The number of applications of each network.
     pub steps: usize,
     /// One state in so many is kept.
     pub every: usize,

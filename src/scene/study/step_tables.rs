@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TableSizes {
-    /// What it is of.
+    /// The kind of the table: the function of the map that it stores.
     pub kind: TableKind,
     /// Its nodes along each axis.
     pub nodes: Vec<usize>,
@@ -51,18 +51,18 @@ pub(super) struct MadeTable {
     nodes: usize,
     dim: usize,
     table: Result<StepTable, String>,
-    /// Of making it.
+    /// The time that the making of the table took, in seconds.
     seconds: f64,
 }
 
-/// What a table cost.
+/// The cost of a table: its nodes, its memory and the time of making it.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct TableCost {
     pub(super) name: String,
     pub(super) nodes: usize,
     pub(super) bytes: usize,
     pub(super) seconds: f64,
-    /// Why there is none.
+    /// The reason why the table could not be made, if it could not.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) failure: Option<String>,
 }

@@ -25,7 +25,7 @@ const LARGEST: f64 = 350.0;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TanhOptions {
-    /// The number of values.
+    /// The number of values at which tanh and sech² are computed.
     pub values: usize,
     /// They are uniform in |x| ≤ this.
     pub largest: f64,

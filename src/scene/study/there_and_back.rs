@@ -35,7 +35,7 @@ pub struct ThereAndBackOptions {
     pub steps: usize,
     /// How often each time is taken.
     pub rounds: usize,
-    /// The networks.
+    /// The gyroceptrons with random weights that are iterated.
     pub networks: Vec<RandomGyroceptron>,
 }
 
@@ -45,13 +45,13 @@ pub struct ThereAndBackOptions {
 pub struct RandomGyroceptron {
     /// Its name in the report.
     pub name: String,
-    /// Its circle action.
+    /// The circle action Φ of the gyroceptron.
     pub circle_action: CircleAction,
-    /// The sizes of ψ.
+    /// The number and the widths of the layers of ψ.
     pub psi: LayerSizes,
-    /// The sizes of I_ε.
+    /// The number and the widths of the layers of the near-identity map I_ε.
     pub near_identity: LayerSizes,
-    /// ε.
+    /// The parameter ε of the gyroceptron.
     pub epsilon: f64,
     /// The angle θ, in radians.
     pub theta: f64,

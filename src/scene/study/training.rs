@@ -158,13 +158,13 @@ pub(in crate::scene) struct TrainingResult {
     architecture: Architecture,
     parameters: usize,
     optimiser: &'static str,
-    /// Why training ended.
+    /// The reason why the training ended.
     stop: Stop,
-    /// Where training ended.
+    /// The record of the last iteration.
     last: TrainingRecord,
     /// The loss of the model that was kept, on all training pairs.
     loss: f64,
-    /// Its record.
+    /// The record of the iteration whose model was kept.
     best: TrainingRecord,
     /// The records at which the held-out pairs were evaluated.
     history: Vec<TrainingRecord>,

@@ -39,7 +39,7 @@ pub struct WhichActionOptions {
     pub network: Box<NetworkSpec>,
     /// How its weights are drawn.
     pub weights: InitialWeights,
-    /// How it is trained.
+    /// The training options of the network.
     pub training: Box<TrainingOptions>,
 }
 

@@ -36,7 +36,7 @@ const JACOBIANS: &str = "jacobians";
 /// More rounds than this are taken for a mistake.
 pub(super) const MOST_ROUNDS: usize = 10_000;
 
-/// Error against run time.
+/// Error against run time: networks beside integrators, for one step and for the roll-out.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WorkPrecisionOptions {
@@ -58,7 +58,7 @@ pub struct WorkPrecisionOptions {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct IntegratorSteps {
-    /// Which.
+    /// The integrator that the networks are compared with.
     pub integrator: Integrator,
     /// The numbers of steps in the flow time.
     #[serde(default)]
@@ -203,7 +203,7 @@ pub(super) struct Networks<'a> {
     pub(super) tables: &'a [MadeTable],
 }
 
-/// Some rows of pairs.
+/// Evenly chosen pairs: their inputs and outputs, 2n numbers each.
 pub(super) struct Points {
     input: Vec<f64>,
     output: Vec<f64>,
@@ -230,7 +230,7 @@ impl Points {
     }
 }
 
-/// Methods to get Jacobians.
+/// The name of the method that computes Jacobians by dual numbers.
 const DUALS: &str = "duals";
 const BY_HAND: &str = "chain rule by hand";
 const DIFFERENCES: &str = "central differences";
@@ -367,7 +367,7 @@ pub(super) struct Compared<'a, 'm> {
     pub(super) interval: f64,
     /// States of the reference from the first on: (times, trajectories, 2n).
     pub(super) reference: &'a [f64],
-    /// The number of trajectories.
+    /// The number of trajectories that are compared.
     pub(super) count: usize,
     /// The number 2n of coordinates.
     pub(super) dim: usize,
