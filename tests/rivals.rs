@@ -156,6 +156,25 @@ fn equidistant_kicks_average_exponentially() {
     let slope =
         |k: usize| (errors[k] / errors[k + 1]).ln() / (kicks[k + 1] as f64 / kicks[k] as f64).ln();
     assert!(slope(2) > slope(0) + 1.0, "{errors:?}");
+    // A kick or a turn that is off by a thousandth costs all of that, and so do kicks at unequal distances, although
+    // these are a method of order 2 too.
+    let of = |splitting: Splitting, micro: usize| {
+        let system = Oscillators { epsilon: 1e-4 };
+        let mut z = points();
+        Stroboscopic::new(&system, time, (splitting, micro), 3).take(&system, &mut z, 8);
+        distance(&z, &exact)
+    };
+    assert!((of(Splitting::STRANG, 8) / errors[2] - 1.0).abs() < 1e-6);
+    let mutants = [
+        (Splitting { b: &[1.001], ..Splitting::STRANG }, 1),
+        (Splitting { a: &[0.4995], ..Splitting::STRANG }, 1),
+        (Splitting { name: "unequal", order: 2, stages: 2, a: &[0.22, 0.56], b: &[0.5] }, 2),
+    ];
+    for (number, (mutant, kicks_a_step)) in mutants.into_iter().enumerate() {
+        let errors = kicks.map(|kicks| of(mutant, kicks / kicks_a_step));
+        let falls = errors.windows(2).all(|pair| pair[1] < 0.3 * pair[0]);
+        assert!(!falls && errors[4] > 1e-6, "mutant {number}: {errors:?}");
+    }
     // Of half the kicks of ABA(10,6,4), whose step has eight.
     let of_aba = Integrator::Stroboscopic(StroboscopicSettings {
         micro: 2,

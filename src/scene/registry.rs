@@ -171,7 +171,7 @@ studies! {
     family: Family(family::FamilyOptions),
     /// Maps of several flow times beside integrators.
     long_steps: LongSteps(long_steps::LongStepsOptions),
-    /// Networks of pairs with noise, and of pairs with a gap.
+    /// Networks of pairs with noise, and of pairs with gaps.
     noise: Noise(noise::NoiseOptions),
     /// Error against run time of tanh and sech².
     tanh: Tanh(tanh::TanhOptions),

@@ -379,6 +379,9 @@ fn a_chain_of_the_field_is_found_and_as_wide_by_a_map() {
     // Of lines 0.01 mm apart those from −0.31 to 0.30 mm stay in it.
     assert!(width > 6.0e-4 && width < 6.4e-4, "{width}");
     assert!((own / width - 1.0).abs() < 0.01, "{own} {width}");
+    // The centre is on the line of symmetry, outside of the axis.
+    let phases = [found, polynomial].map(|of| number(&of["chain"]["phase"]));
+    assert!(phases.iter().all(|phase| *phase < 1e-8), "{phases:?}");
 }
 
 /// The map of the scene loses the lines that the field loses, and its manifold begins where that of the field does.

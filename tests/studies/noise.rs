@@ -34,7 +34,7 @@ optimiser = { kind = "levenberg-marquardt" }
 
 [noise]
 levels = [1e-3, 1e-2, 1.0]
-gap = { component = 1, low = 0.0, high = 2.0 }
+gaps = [{ component = 1, low = 0.0, high = 2.0 }]
 steps = 60
 every = 2
 initial = [[0.7, 0.1, 0.0, 0.2], [0.2, 0.6, 0.0, 0.0]]
@@ -66,9 +66,18 @@ fn noise_and_gaps_are_told() {
         }
         assert!(held_out[2] < 1.3e-2 * 2.0_f64.sqrt(), "{network}: {held_out:?}");
         assert!(clean[3] > 2.0 * clean[0] && clean[3] > 2.0 * clean[2], "{network}: {clean:?}");
-        // What is held out is in the gap too.
+        // Neither pairs to train with nor those that are held out are in the gap; all of the flow are judged too.
         assert!(number(&rows[4]["pairs"]) < 0.8 * number(&rows[0]["pairs"]));
+        let in_gap = number(&of[4]["in_gap"]);
         assert!(clean[4] > 2.0 * clean[0], "{network}: {clean:?}");
+        assert!(
+            held_out[4] < 0.7 * clean[4] && clean[4] < in_gap,
+            "{network}: {held_out:?} {in_gap}"
+        );
+        assert!(of[0]["in_gap"].is_null() && of[3]["in_gap"].is_null());
+        // Orbits of both initial points swing through it.
+        let without = number(&of[4]["without_pairs"]);
+        assert!((0.2..0.8).contains(&without), "{network}: {without}");
         // More noise than signal.
         assert_eq!(of[3]["verdict"], "no", "{}", of[3]);
         assert!(of[3]["reasons"].as_array().is_some_and(|reasons| !reasons.is_empty()));
@@ -93,7 +102,12 @@ fn noise_and_gaps_are_told() {
         );
         assert!(text.contains(&row), "{row}\n{text}");
     }
-    for words in ["| noise 1e-2 | `henon-net` |", "no pairs with 0 < z[1] < 2", "noise.svg"] {
+    for words in [
+        "| noise 1e-2 | `henon-net` |",
+        "no pairs with 0 < z[1] < 2",
+        "where no pairs are",
+        "noise.svg",
+    ] {
         assert!(text.contains(words), "{words}");
     }
     assert!(folder.path().join("model-normal-form-noise-1e-2.json").exists());
@@ -110,8 +124,8 @@ fn noise_that_cannot_be_is_refused() {
     with("levels = [1e-3, 1e-2, 1.0]", "levels = []", &["noise", "levels"]);
     with("levels = [1e-3", "levels = [0.0", &["levels", "0"]);
     with("levels = [1e-3", "levels = [nan", &["levels", "NaN"]);
-    with("low = 0.0, high = 2.0", "low = 2.0, high = 0.0", &["gap", "2 … 0"]);
-    with("component = 1", "component = 4", &["gap.component", "4"]);
+    with("low = 0.0, high = 2.0", "low = 2.0, high = 0.0", &["gaps", "2 … 0"]);
+    with("component = 1", "component = 4", &["gaps.component", "4"]);
     with("every = 2", "every = 7", &["every", "divisor"]);
     let ramp = "iterations = 150\nramp = [{ flow_time = 0.4, iterations = 5 }]";
     with("iterations = 150", ramp, &["normal-form", "without a ramp"]);

@@ -1,4 +1,4 @@
-//! Pairs with noise and pairs with a gap: what each network makes of them, and what is said of it.
+//! Pairs with noise and pairs with gaps: what each network makes of them, and what is said of it.
 
 use super::over_seeds::MedianAndWorst;
 use super::shared::{Study, check_along, finite};
@@ -27,15 +27,16 @@ use std::rc::Rc;
 
 const FIGURE: &str = "noise";
 
-/// Networks of pairs with noise, and of pairs with a gap.
+/// Networks of pairs with noise, and of pairs with gaps.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NoiseOptions {
     /// Standard deviations of normal noise on each component of inputs and outputs, training and held out.
     pub levels: Vec<f64>,
-    /// A gap, if given: training pairs with inputs in it are left out. These pairs have no noise.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub gap: Option<Gap>,
+    /// Gaps, of one data set each: pairs with inputs in it are left out, of training and held out. These pairs have no
+    /// noise.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub gaps: Vec<Gap>,
     /// The number of applications of each network in a roll-out.
     pub steps: usize,
     /// The number of steps between two states that are compared with the reference.
@@ -48,7 +49,7 @@ pub struct NoiseOptions {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Gap {
-    /// The component that the gap is in, and that is judged, from 0 in the order q₁ … pₙ.
+    /// The component that the gap is in, from 0 in the order q₁ … pₙ.
     pub component: usize,
     /// The lower end of the gap.
     pub low: f64,
@@ -56,12 +57,19 @@ pub struct Gap {
     pub high: f64,
 }
 
+impl Gap {
+    fn holds(self, z: &[f64]) -> bool {
+        self.low < z[self.component] && z[self.component] < self.high
+    }
+}
+
 /// One way in which pairs are not what the flow has.
 #[derive(Clone, Copy, Debug)]
 enum Fault {
     None,
     Noise(f64),
-    Gap(Gap),
+    /// The gap of this number, from 1.
+    Gap(usize, Gap),
 }
 
 impl Fault {
@@ -70,7 +78,7 @@ impl Fault {
         match self {
             Self::None => String::new(),
             Self::Noise(level) => format!("noise-{level:e}").replace('.', "_"),
-            Self::Gap(_) => "gap".into(),
+            Self::Gap(number, _) => format!("gap-{number}"),
         }
     }
 
@@ -83,7 +91,7 @@ impl Fault {
         match self {
             Self::None => "none".into(),
             Self::Noise(level) => format!("noise {}", Format::Setting.number(level)),
-            Self::Gap(Gap { component, low, high }) => {
+            Self::Gap(_, Gap { component, low, high }) => {
                 format!("no pairs with {low} < z[{component}] < {high}")
             }
         }
@@ -104,12 +112,12 @@ impl Study for NoiseOptions {
         for level in &self.levels {
             Error::check_range("levels", *level, Error::LEAST_POSITIVE, f64::MAX)?;
         }
-        if let Some(Gap { component, low, high }) = self.gap {
+        for Gap { component, low, high } in &self.gaps {
             if !(low < high) {
-                return Err(Error::invalid("gap", format!("{low} … {high}"), "low below high"));
+                return Err(Error::invalid("gaps", format!("{low} … {high}"), "low below high"));
             }
             if let Some(system) = &scene.setup.system {
-                Error::check_count_range("gap.component", component, 0, 2 * system.dof() - 1)?;
+                Error::check_count_range("gaps.component", *component, 0, 2 * system.dof() - 1)?;
             }
         }
         for model in &scene.setup.models {
@@ -156,6 +164,7 @@ impl Study for NoiseOptions {
         for fault in self.faults() {
             let data = self.changed(context, fault)?;
             let action = TorusAction::from(system.circle_action());
+            let region = data.region();
             let angles = [fit_rotation(&data.training, &system.circle_action())];
             let networks = match fault {
                 Fault::None => context.by_network()?,
@@ -193,10 +202,33 @@ impl Study for NoiseOptions {
                     data.held_out.as_ref(),
                     (&action, &angles),
                 )?;
-                let distance = root_mean_square_distance(&moved, judge.output(), dim);
+                let component = |moved: &[f64], output: &[f64]| {
+                    let distance = root_mean_square_distance(moved, output, dim);
+                    finite(distance / (dim as f64).sqrt())
+                };
+                let in_gap = match fault {
+                    Fault::Gap(_, gap) => {
+                        let rows = judge.input().chunks_exact(dim).zip(moved.chunks_exact(dim));
+                        let rows = rows.zip(judge.output().chunks_exact(dim));
+                        let within = rows.filter(|((z, _), _)| gap.holds(z));
+                        let (own, truth): (Vec<&[f64]>, Vec<&[f64]>) =
+                            within.map(|((_, own), truth)| (own, truth)).unzip();
+                        component(&own.concat(), &truth.concat())
+                    }
+                    Fault::None | Fault::Noise(_) => None,
+                };
+                let has_no_pairs = |z: &[f64]| {
+                    let is_in_gap = matches!(fault, Fault::Gap(_, gap) if gap.holds(z));
+                    is_in_gap || region.as_ref().is_some_and(|box_| box_.first_outside(z).is_some())
+                };
+                let all = states.values().chunks_exact(dim);
+                let count = all.len();
+                let without_pairs = all.filter(|z| has_no_pairs(z)).count();
                 Ok(OfSeed {
                     held_out: trained.held_out_error.map(f64::sqrt),
-                    clean: finite(distance / (dim as f64).sqrt()),
+                    clean: component(&moved, judge.output()),
+                    in_gap,
+                    without_pairs: without_pairs as f64 / count as f64,
                     rollout: finite(root_mean_square_distance(states.values(), of_reference, dim)),
                     own: own.and_then(finite),
                     verdict: judgement.verdict,
@@ -208,7 +240,7 @@ impl Study for NoiseOptions {
                     fault: fault.words(),
                     level: match fault {
                         Fault::Noise(level) => Some(level),
-                        Fault::None | Fault::Gap(_) => None,
+                        Fault::None | Fault::Gap(..) => None,
                     },
                     network,
                     pairs: data.training.len(),
@@ -279,6 +311,10 @@ struct OfSeed {
     /// Root mean squares of a component: on held-out pairs as they are, and on those of the flow.
     held_out: Option<f64>,
     clean: Option<f64>,
+    /// That on pairs of the flow in the gap; none of what has no gap, or where no held-out pair is in it.
+    in_gap: Option<f64>,
+    /// The share of the states of its orbits that are in the gap or outside of the box of all pairs.
+    without_pairs: f64,
     /// The root mean square distance of its orbits from those of the reference.
     rollout: Option<f64>,
     /// The largest change of its own invariant along them, over its value.
@@ -312,13 +348,10 @@ fn changed(pairs: &Pairs, fault: Fault, seed: u64, name: &str) -> Result<Pairs, 
             let (input, output) = (noisy(pairs.input()), noisy(pairs.output()));
             Pairs::new("noise", pairs.dof(), input, output)
         }
-        // What is held out stays whole, to be judged by.
-        Fault::Gap(_) if name != "training" => Ok(pairs.clone()),
-        Fault::Gap(Gap { component, low, high }) => {
-            let dim = 2 * pairs.dof();
-            let inside = |z: &[f64]| low < z[component] && z[component] < high;
-            let rows = pairs.input().chunks_exact(dim).enumerate();
-            let kept: Vec<usize> = rows.filter(|(_, z)| !inside(z)).map(|(row, _)| row).collect();
+        Fault::Gap(_, gap) => {
+            let rows = pairs.input().chunks_exact(2 * pairs.dof()).enumerate();
+            let kept: Vec<usize> =
+                rows.filter(|(_, z)| !gap.holds(z)).map(|(row, _)| row).collect();
             Error::check_count_range("pairs outside of the gap", kept.len(), 1, MOST)?;
             Ok(pairs.rows(kept))
         }
@@ -333,10 +366,11 @@ impl NoiseOptions {
         Ok(clean.changed(&mut |name, pairs| changed(pairs, fault, seed, name), system, time)?)
     }
 
-    /// The faults of the pairs: first `Fault::None`, then each level of noise, then the gap.
+    /// The faults of the pairs: first `Fault::None`, then each level of noise, then each gap.
     fn faults(&self) -> impl Iterator<Item = Fault> {
         let noise = self.levels.iter().map(|level| Fault::Noise(*level));
-        [Fault::None].into_iter().chain(noise).chain(self.gap.map(Fault::Gap))
+        let gaps = self.gaps.iter().enumerate().map(|(k, gap)| Fault::Gap(k + 1, *gap));
+        [Fault::None].into_iter().chain(noise).chain(gaps)
     }
 
     fn words(&self, of_several: bool) -> String {
@@ -347,10 +381,10 @@ impl NoiseOptions {
             self.steps,
             self.initial.len()
         );
-        if self.gap.is_some() {
+        if !self.gaps.is_empty() {
             words.push_str(
-                " Pairs that are held out have no gap: errors of what was trained with one, and the verdict on it, are \
-                 those of points in the gap too, which a user with such pairs does not have.",
+                " Pairs with a gap have none in it, training and held out; the errors without it are on all pairs that \
+                 are held out, and on those in the gap.",
             );
         }
         if of_several {
@@ -370,9 +404,10 @@ type Number = fn(&OfSeed) -> Option<f64>;
 
 fn table(found: &[Found]) -> Table {
     let of_several = of_several(found);
-    let numbers: [(&str, Format, Number); 4] = [
+    let numbers: [(&str, Format, Number); 5] = [
         ("held-out error, rms of a component", Format::Exponent(1), |of| of.held_out),
-        ("without the noise", Format::Exponent(1), |of| of.clean),
+        ("without the noise or the gap", Format::Exponent(1), |of| of.clean),
+        ("in the gap", Format::Exponent(1), |of| of.in_gap),
         ("roll-out, rms distance", Format::Exponent(1), |of| of.rollout),
         ("own invariant changes by", Format::Percent, |of| of.own),
     ];
@@ -404,7 +439,14 @@ fn reasons(found: &[Found]) -> String {
         } else {
             first.reasons.join("; ")
         };
-        Some(format!("- {}, `{}`: {}: {reasons}.", of.fault, of.network, first.verdict))
+        let beyond = match first.without_pairs {
+            0.0 => String::new(),
+            share => format!(
+                " {} of the states of its roll-out are where no pairs are.",
+                Format::Percent.number(share)
+            ),
+        };
+        Some(format!("- {}, `{}`: {}: {reasons}.{beyond}", of.fault, of.network, first.verdict))
     };
     let lines = found.iter().filter_map(of).collect::<Vec<_>>().join("\n");
     match of_several(found) {

@@ -556,7 +556,7 @@ impl PoincareOptions {
         };
         let found = Resonance::lowest(&judge.rotation, self.orbits);
         let found = found.and_then(|one| Some((one, judge.radius_of(one)?)));
-        let mut of_reference = Chain { centre: None, corner: None, width: None };
+        let mut of_reference = Chain::default();
         let mut guesses = Vec::new();
         if let Some((resonance, radius)) = found {
             guesses = judge.guesses(reference, resonance, radius)?;
@@ -585,7 +585,7 @@ impl PoincareOptions {
             Some((resonance, radius)) if lines.is_mirrored => {
                 let begins = judge.on_symmetry_line(map, resonance, radius)?;
                 let again = match begins.is_empty() {
-                    true => Chain { centre: None, corner: None, width: None },
+                    true => Chain::default(),
                     false => judge.chain(by, resonance, &begins)?,
                 };
                 Ok::<_, Error>(Some(OnSymmetryLine::of(begins.len(), &again, chain)))
@@ -595,7 +595,7 @@ impl PoincareOptions {
         let line_of_reference = on_line(reference, &coils, &of_reference)?;
         let mut all = Vec::new();
         for named in maps.iter().filter(|named| named.is_fast()) {
-            let mut chain = Chain { centre: None, corner: None, width: None };
+            let mut chain = Chain::default();
             if let Some((resonance, _)) = found
                 && (of_reference.centre.is_some() || of_reference.corner.is_some())
             {
@@ -852,7 +852,13 @@ impl Fixed {
             None => format!("{kind} none that differs from a curve of such points"),
         };
         let width = match self.chain.width {
-            Some(width) => format!("; its island is {:.4} mm wide", 1e3 * width),
+            Some(width) => {
+                let phase = self.chain.phase.unwrap_or(f64::NAN).to_degrees();
+                format!(
+                    "; its island is {:.4} mm wide, and seen from the axis the one nearest to the direction of R is {phase:.4}° from it",
+                    1e3 * width
+                )
+            }
             None if self.chain.centre.is_some() => {
                 "; its island is too narrow to be measured".into()
             }
@@ -906,6 +912,7 @@ impl Fixed {
             ("corner off by [m]", Format::Exponent(1)),
             ("its Tr M by", Format::Exponent(1)),
             ("island [mm]", Format::Fixed(4)),
+            ("its phase off by [°]", Format::Exponent(1)),
         ];
         let has_line = self.on_line.is_some();
         if has_line {
@@ -923,6 +930,7 @@ impl Fixed {
             let [axis, trace] = compare(&self.axis, &of.axis);
             let [centre, of_centre] = compare(&self.chain.centre, &of.chain.centre);
             let [corner, of_corner] = compare(&self.chain.corner, &of.chain.corner);
+            let phases = self.chain.phase.zip(of.chain.phase);
             let mut row: Vec<Cell> = vec![
                 of.name.clone().into(),
                 axis.into(),
@@ -932,6 +940,7 @@ impl Fixed {
                 corner.into(),
                 of_corner.into(),
                 of.chain.width.map(|width| 1e3 * width).into(),
+                phases.map(|(own, other)| (own - other).abs().to_degrees()).into(),
             ];
             if has_line {
                 let on_line = of.on_line.as_ref();

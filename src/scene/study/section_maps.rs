@@ -420,7 +420,7 @@ impl Resonance {
 }
 
 /// What a map makes of a resonance.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub(super) struct Chain {
     /// The orbit about which lines turn, its residue, …
     pub(super) centre: Option<OrbitFound>,
@@ -428,6 +428,9 @@ pub(super) struct Chain {
     pub(super) corner: Option<OrbitFound>,
     /// The width of the island through the centre, on the ray from the axis, in metres.
     pub(super) width: Option<f64>,
+    /// The phase of the chain, in radians: the smallest angle between the direction of R and that from the axis to an
+    /// island's centre.
+    pub(super) phase: Option<f64>,
 }
 
 /// A periodic orbit, in a report.
@@ -517,7 +520,14 @@ impl Judge<'_> {
             let mut orbits = found.iter().filter(resolved);
             orbits.find(|orbit| (orbit.residue() > 0.0) == centre).map(OrbitFound::of)
         };
-        Ok(Chain { centre: of(true), corner: of(false), width: None })
+        let [centre, corner] = [of(true), of(false)];
+        let angle = |z: &Vec<f64>| libm::atan2(z[1] - self.axis[1], z[0] - self.axis[0]).abs();
+        let phase = centre.as_ref().map(|orbit| {
+            let angles = orbit.points.iter().map(angle);
+            // no NaN: found by Newton's method
+            angles.fold(f64::INFINITY, f64::min)
+        });
+        Ok(Chain { centre, corner, width: None, phase })
     }
 
     /// Where the orbits of a resonance begin that a map has on the line Z = 0, to half as far again on either side of
