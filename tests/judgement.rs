@@ -13,7 +13,7 @@ use gyroceptron::measure::{
 };
 use gyroceptron::network::{HenonShape, InitialWeights, Rollout};
 use gyroceptron::random::Stream;
-use gyroceptron::train::{ActionFit, Loss, Objective, fit_rotation};
+use gyroceptron::train::{ActionFit, Loss, Objective, Orbits, fit_rotation};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
@@ -331,6 +331,15 @@ fn swings_of_actions_are_compared_with_steps() {
         assert_eq!(of(&drifting)[1].is_too_wide(), told, "{swings:?}");
         drifting[5] = f64::NAN;
         assert!(of(&drifting)[1].beyond > 0);
+    }
+}
+
+/// Orbits that leave the box of the pairs: a quarter of them is too many.
+#[test]
+fn a_quarter_of_the_orbits_is_too_many() {
+    for (astray, expected) in [(0, false), (3, false), (4, true), (16, true)] {
+        let first = (astray > 0).then_some((0, 1));
+        assert_eq!(Orbits { count: 16, astray, first }.leave_often(), expected, "{astray}");
     }
 }
 
