@@ -42,7 +42,7 @@
 //!   [`Map`](phase::Map).
 //! - [`random`]: seeded streams.
 //! - [`work`]: how much was computed.
-//! - [`layer`]: the kinds of step, each a shear bound to its parameters.
+//! - [`layer`]: the kinds of step, such as shears, turns and couplings, each bound to its parameters.
 //! - [`network`]: a network as a list of blocks, the architectures that have a name, and a model: a
 //!   network with its parameters.
 //! - [`system`]: the Hamiltonian systems, and one that dissipates.

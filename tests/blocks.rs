@@ -13,11 +13,12 @@ use gyroceptron::network::{
     Architecture, Block, InitialWeights, Layers, Model, Modules, NamedArchitecture, NetworkSpec,
     Part, Rollout, Scale, Structure, map_jacobians, map_jacobians_by_duals, map_points,
 };
-use gyroceptron::phase::{Direction, Map};
+use gyroceptron::phase::{Direction, Map, Units};
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::{Dual, max_or_nan};
 use gyroceptron::system::Oscillators;
 use gyroceptron::train::{Control, Optimiser, TrainingOptions, train};
+use serde_json::{Value, json};
 use std::path::Path;
 
 fn modules(modules: usize) -> Layers {
@@ -691,5 +692,21 @@ fn an_architecture_that_was_edited_is_refused() {
         assert_ne!(edited, text, "{from}");
         let error = parse_model("m.json", edited.as_bytes()).expect_err("edited").to_string();
         assert!(error.contains("digest") && error.contains("edited"), "{error}");
+    }
+    // The circle action and the units, number by number.
+    let units = Units::new(vec![0.5, 0.0, 0.0, 0.25], vec![2.0; 4]).expect("units");
+    let text = model_text(&StoredModel { units: Some(units), ..stored }).expect("finite");
+    for (place, value) in [
+        ("/architecture/circles/0/0", json!(2)),
+        ("/architecture/circles/0/1", json!(3)),
+        ("/units/centre/0", json!(0.75)),
+        ("/units/factors/1", json!(4.0)),
+    ] {
+        let mut edited: Value = serde_json::from_str(&text).expect("JSON");
+        let number = edited.pointer_mut(place).unwrap_or_else(|| panic!("{place} in {text}"));
+        assert_ne!(*number, value, "{place}");
+        *number = value;
+        let edited = edited.to_string();
+        assert!(parse_model("m.json", edited.as_bytes()).is_err(), "{place}");
     }
 }

@@ -390,10 +390,10 @@ fn a_training_sees_past_whole_turns() {
         asked += 1;
         Ok(if asked < 3 { Control::Continue } else { Control::Interrupt })
     };
-    let stopped = fit.prepare_watched(pairs.clone(), &mut stop).expect_err("it was stopped");
+    let stopped = fit.prepare_observed(pairs.clone(), &mut stop).expect_err("it was stopped");
     assert!(matches!(stopped, Error::Stopped { .. }) && asked < 6, "{stopped}, {asked}");
     let mut broken = || Err(Error::invalid("watch", "broken", "whole"));
-    let error = fit.prepare_watched(pairs.clone(), &mut broken).expect_err("it is broken");
+    let error = fit.prepare_observed(pairs.clone(), &mut broken).expect_err("it is broken");
     assert!(error.to_string().contains("broken"), "{error}");
     let few = fit.prepare(pairs.thinned(90)).expect("the rotation is sure").notes;
     let found = |note: &FitNote| matches!(note, FitNote::Action(trial) if trial.errors.is_empty());

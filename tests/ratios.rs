@@ -13,8 +13,8 @@ use gyroceptron::measure::{
     ratios::{
         Adjoint, CircleAxiom, Conditioned, RESOLVED, RoundingPropagation, action_ratio,
         adjoint_ratio, conjugated_axiom_ratio, determinant_ratio, differing_components,
-        equivariance_ratio, inversion_ratio, near_identity_rms, near_identity_size,
-        near_identity_undoing, symplecticity_ratio, symplecticity_scale, turning_axiom_ratio,
+        equivariance_ratio, inversion_ratio, near_identity_inversion, near_identity_rms,
+        near_identity_size, symplecticity_ratio, symplecticity_scale, turning_axiom_ratio,
     },
     steps::{KickStep, Magnitudes, MeasuredStep, MeasuredSteps, turn_steps},
 };
@@ -473,7 +473,7 @@ fn changes_of_points_are_their_definitions() {
     assert_eq!(near_identity_size(&map, &points), 4.0);
     assert_eq!(near_identity_rms(&map, &points), 2.5);
     let other = Chain::of([1.0, -0.25, 0.0, 1.0]);
-    assert_eq!(near_identity_undoing(&map, &other, &points), 2.0);
+    assert_eq!(near_identity_inversion(&map, &other, &points), 2.0);
     assert_eq!(differing_components(&map, &points[..2]), 1);
     assert_eq!(differing_components(&map, &[1.0, 0.0]), 0);
 }

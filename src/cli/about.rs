@@ -1,9 +1,9 @@
 //! What the program is: its version, its completions for shells, its manual pages.
 
-use super::Status;
 use super::arguments::{Arguments, Completions, Manual};
 use super::guards::guard_output;
 use super::output::out;
+use super::status::Status;
 use clap::CommandFactory;
 use clap_complete::generate;
 use clap_mangen::Man;

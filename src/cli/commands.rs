@@ -7,12 +7,13 @@ use super::arguments::{
 use super::controls::at_controls;
 use super::fit::fit;
 use super::guards::{check_ending, guard_output, use_threads};
-use super::output::{json, out, status_of, typed_words, width};
+use super::output::{json, out, status_of, typed_words, width, width_of_terminal};
 use super::predict::predict;
 use super::progress::{Progress, line};
 use super::prove::{check_proof, prove};
+use super::status::Status;
 use super::train::train_pairs;
-use super::{Status, about, cite, jobs};
+use super::{about, cite, jobs};
 use clap::ValueEnum;
 use gyroceptron::Error;
 use gyroceptron::io::{
@@ -174,18 +175,37 @@ fn scenes(as_json: bool, show: Option<&str>) -> Result<Status, Error> {
             rows.iter().map(|(name, title)| json!({ "name": name, "title": title })).collect();
         json(&list)?;
     } else {
+        /// The letters of a name and the space behind it.
+        const NAME: usize = 21;
         for (name, title) in rows {
-            out(&format!("{name:20} {title}\n"))?;
+            // A line for each, where another program reads them.
+            let letters = width_of_terminal().unwrap_or(usize::MAX).saturating_sub(NAME);
+            let lines = wrapped(&title, letters);
+            out(&format!("{name:NAME$}{}\n", lines.join(&format!("\n{:NAME$}", ""))))?;
         }
     }
     Ok(Status::Done)
 }
 
+/// The lines of a text of which none has more letters, but for words that have.
+fn wrapped(text: &str, letters: usize) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for word in text.split_whitespace() {
+        match lines.last_mut() {
+            Some(line) if line.chars().count() + 1 + word.chars().count() <= letters => {
+                line.push(' ');
+                line.push_str(word);
+            }
+            _ => lines.push(word.to_owned()),
+        }
+    }
+    lines
+}
+
 /// More random networks than these, all held at once, are taken for a mistake.
 const MOST_RANDOM: usize = 100_000;
 
-/// The network of `verify --random` and of `train` without a scene: that of
-/// the paper's time-5 map.
+/// The network of `verify --random`: the gyroceptron of the paper's time-5 map.
 fn default_architecture(circle_action: CircleAction, epsilon: f64) -> Architecture {
     let (psi, near_identity) = (vec![8; 10], vec![8; 10]);
     GyroceptronShape { circle_action, psi, near_identity }.architecture(epsilon)

@@ -1,10 +1,10 @@
 //! Symplectic polynomials of pairs of a file.
 
-use super::Status;
 use super::arguments::{Fit, positive};
 use super::guards::{check_ending, guard_output, use_threads};
 use super::output::{json, out, typed_words};
 use super::progress::line;
+use super::status::Status;
 use gyroceptron::Error;
 use gyroceptron::flow::Symmetries;
 use gyroceptron::io::{StoredPolynomial, read_pairs, read_section, save_polynomial};

@@ -1,9 +1,9 @@
 //! The jobs of a scene, for an engine that schedules: their plan, one of them, their report.
 
-use super::Status;
 use super::arguments::Run;
 use super::output::{json, out, status_of, typed_words, width};
 use super::progress::{Progress, line};
+use super::status::Status;
 use gyroceptron::Error;
 use gyroceptron::scene::render::{self, terminal};
 use gyroceptron::scene::{

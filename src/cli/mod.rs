@@ -12,6 +12,7 @@ mod output;
 mod predict;
 mod progress;
 mod prove;
+mod status;
 mod train;
 
 use clap::error::ErrorKind;
@@ -19,16 +20,9 @@ use clap::{CommandFactory, Parser};
 use gyroceptron::Error;
 use gyroceptron::scalar::Simd;
 use gyroceptron::scene::catalogue;
+use status::Status;
 use std::io::Write;
 use std::process::ExitCode;
-
-/// What a command came to; the exit status.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Status {
-    Done,
-    CheckFailed,
-    Interrupted,
-}
 
 /// The exit status of the program for bad usage or input.
 const BAD_INPUT: u8 = 2;

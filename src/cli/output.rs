@@ -1,6 +1,6 @@
 //! Results on standard output.
 
-use super::Status;
+use super::status::Status;
 use gyroceptron::Error;
 use serde::Serialize;
 use std::io::{IsTerminal, Write};
@@ -20,13 +20,18 @@ pub fn out(text: &str) -> Result<(), Error> {
 /// The letters of a line: of the terminal, or as `COLUMNS` says, or 100.
 pub fn width() -> usize {
     const USUAL: usize = 100;
+    width_of_terminal().unwrap_or(USUAL)
+}
+
+/// The letters of a line of the terminal, or as `COLUMNS` says; None where neither is known.
+pub fn width_of_terminal() -> Option<usize> {
     let of_terminal = || {
         let terminal = std::io::stdout().is_terminal();
         let size = terminal.then(|| console::Term::stdout().size_checked()).flatten();
         size.map(|(_, columns)| usize::from(columns)).filter(|columns| *columns > 0)
     };
     let of_environment = || std::env::var("COLUMNS").ok()?.trim().parse().ok().filter(|n| *n > 0);
-    of_terminal().or_else(of_environment).unwrap_or(USUAL)
+    of_terminal().or_else(of_environment)
 }
 
 /// Prints a value as one JSON document on standard output.

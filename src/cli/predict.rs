@@ -1,11 +1,11 @@
 //! Predictions of a model or of a symplectic polynomial.
 
-use super::Status;
 use super::arguments::{Outside, Predict, block, positive};
 use super::controls::{ControlsNote, at_controls};
 use super::guards::{check_ending, guard_output, use_threads};
 use super::output::{json, out};
 use super::progress::line;
+use super::status::Status;
 use gyroceptron::Error;
 use gyroceptron::flow::{PolynomialExit, Trajectories};
 use gyroceptron::io::{StoredMap, load_map, read_points, read_trajectories, write_points};

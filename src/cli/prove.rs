@@ -1,10 +1,10 @@
 //! `prove` and `check-proof`.
 
-use super::Status;
 use super::arguments::{CheckProof, Prove, positive};
 use super::guards::{check_ending, guard_output, use_threads};
 use super::output::{json, out, status_of, width};
 use super::progress::line;
+use super::status::Status;
 use gyroceptron::Error;
 use gyroceptron::io::{ABOUT_PROOFS, ProofFile, ProofRequest, Proofs, load_model};
 use gyroceptron::measure::proof::{Circle, Constants, NobleNumber, PlaneMap, Verdict};

@@ -1,10 +1,10 @@
 //! Training on pairs of a file: what is asked for, as a `Fit`, and what becomes of it.
 
-use super::Status;
 use super::arguments::{Train, UnitsOf, circle_action, option_of, positive, ramp, word_of};
 use super::guards::{check_ending, guard_output, use_threads};
 use super::output::{json, out, typed_words, width};
 use super::progress::{Progress, line};
+use super::status::Status;
 use gyroceptron::Error;
 use gyroceptron::flow::Pairs;
 use gyroceptron::io::{Checkpoints, StoredModel, load_model, read_pairs, read_section, save_model};
@@ -269,7 +269,7 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     }
     let mut go_on =
         || Ok(if progress.interrupted() { Control::Interrupt } else { Control::Continue });
-    let problem = match fit.prepare_watched(file, &mut go_on) {
+    let problem = match fit.prepare_observed(file, &mut go_on) {
         Err(Error::Stopped { .. }) => {
             progress.note("interrupted");
             return Ok(Status::Interrupted);

@@ -9,7 +9,7 @@ use super::determinant::determinant_ratio;
 use super::drift::{invariant_drift, leading_invariant, log_slope};
 use super::inversion::{Conditioned, ThereAndBack};
 use super::near_identity::{
-    differing_components, near_identity_generator, near_identity_size, near_identity_undoing,
+    differing_components, near_identity_generator, near_identity_inversion, near_identity_size,
 };
 use super::on_grid::{GridMap, inversion_on_grids, moves_on_grid};
 use super::relations::Relation;
@@ -283,7 +283,7 @@ pub fn near_identity_orders(family: &dyn NearlyPeriodic, points: &[f64]) -> Vec<
     let size = |e: f64| near_identity_size(&*family.near_identity_at(e), points);
     let undoing = |e: f64| {
         let (there, back) = (family.near_identity_at(e), family.near_identity_at(-e));
-        near_identity_undoing(&*there, &*back, points)
+        near_identity_inversion(&*there, &*back, points)
     };
     vec![
         order("|I_ε − Id| = O(ε)", 1.0, family, points, &size),

@@ -138,8 +138,8 @@ pub mod ratios {
     pub use super::equivariance::{action_ratio, equivariance_ratio};
     pub use super::inversion::{Conditioned, ILL_CONDITIONED, ThereAndBack, inversion_ratio};
     pub use super::near_identity::{
-        differing_components, near_identity_generator, near_identity_rms, near_identity_size,
-        near_identity_undoing,
+        differing_components, near_identity_generator, near_identity_inversion, near_identity_rms,
+        near_identity_size,
     };
     pub use super::on_grid::differing_places;
     pub use super::relations::Relation;

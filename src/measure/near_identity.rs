@@ -31,7 +31,7 @@ pub fn near_identity_rms(map: &(impl Map<f64> + ?Sized), points: &[f64]) -> f64 
 
 /// The largest |Q(P(z)) − z| for Q = `other`. It is of order ε² for P = I_ε and
 /// Q = I_{−ε}, since I_{−ε} undoes I_ε to first order only.
-pub fn near_identity_undoing(
+pub fn near_identity_inversion(
     map: &(impl Map<f64> + ?Sized),
     other: &(impl Map<f64> + ?Sized),
     points: &[f64],

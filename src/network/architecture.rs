@@ -383,10 +383,8 @@ impl Architecture {
         Error::check_count_range("parameters of the architecture", count, 0, MOST_PARAMETERS)?;
         let of = self.surroundings();
         for (number, block) in self.blocks.iter().enumerate() {
-            block.check(of, self.has_circle()).map_err(|e| match self.blocks.len() {
-                1 => e,
-                _ => e.with_place(format!("block {number}")),
-            })?;
+            let place = |e: Error| e.with_place(format!("block {number}"));
+            block.check(of, self.has_circle()).map_err(place)?;
             if self.blocks[..number].iter().any(|other| other.name == block.name) {
                 let found = format!("`{}` twice (block {number})", block.name);
                 return Err(Error::invalid("names of blocks", found, "a name for each"));

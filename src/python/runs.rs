@@ -12,14 +12,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 /// Listens to a run in another thread than the one which hears signals.
-struct Watch<'a> {
+struct RunObserver<'a> {
     stopped: &'a AtomicBool,
     callback: Option<&'a Py<PyAny>>,
     /// The exception that the callback raised, if it raised one.
     raised: Option<PyErr>,
 }
 
-impl Watch<'_> {
+impl RunObserver<'_> {
     fn call(&mut self, name: &str, of_iteration: Option<(u64, f64, Option<f64>)>) {
         let Some(callback) = self.callback.filter(|_| !self.stopped.load(Ordering::Relaxed)) else {
             return;
@@ -39,7 +39,7 @@ impl Watch<'_> {
     }
 }
 
-impl Observer for Watch<'_> {
+impl Observer for RunObserver<'_> {
     fn event(&mut self, event: Event<'_>) {
         match event {
             Event::Stage(name) => self.call(name, None),
@@ -73,7 +73,8 @@ fn listening<T: Send>(
     let stopped = AtomicBool::new(false);
     let mut signal = None;
     let (result, raised) = py.detach(|| {
-        let mut watch = Watch { stopped: &stopped, callback: callback.as_ref(), raised: None };
+        let mut watch =
+            RunObserver { stopped: &stopped, callback: callback.as_ref(), raised: None };
         std::thread::scope(|scope| {
             let thread = scope.spawn(move || {
                 let result = match pool {

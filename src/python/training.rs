@@ -181,7 +181,7 @@ fn condition(of: Option<Condition>) -> (Option<f64>, Option<Vec<f64>>) {
 /// "perturbation", "near-identity", "none"), and scale and name where they are not the usual ones of the part;
 /// activation "arctan" of neurons that are not of tanh, degree, and radius where it is not that of the pairs, of
 /// polynomials. optimiser: "lm" (Levenberg-Marquardt, which gets furthest), "l-bfgs" or "adam". iterations: the largest
-/// number of iterations, 1000 unless given. starts: the number of sets of initial weights. Each is trained for 40
+/// number of iterations, 1000 unless given; each of several starts takes 40 of its own first. starts: the number of sets of initial weights. Each is trained for 40
 /// iterations, and the best goes on. ramp: stages before the training, on pairs with flow times of their own: a list of
 /// (flow time, iterations), or (flow time or None, degree, iterations) for polynomials of at most that degree.
 /// near_identity_penalty: the factor with which the mean square of I_epsilon(z) - z is added to the loss; of a map with
@@ -336,7 +336,7 @@ pub(super) fn train(
         raised = Python::attach(|py| py.check_signals()).err();
         Ok(if raised.is_none() { Control::Continue } else { Control::Interrupt })
     };
-    let problem = py.detach(|| fit.prepare_watched(data, &mut go_on));
+    let problem = py.detach(|| fit.prepare_observed(data, &mut go_on));
     if let Some(raised) = raised {
         return Err(raised);
     }

@@ -80,8 +80,10 @@ impl NextStep {
             return Self::Pairs(problem.pairs.len());
         }
         let falling = judgement.limit == Limit::Iterations && outcome.stop == Stop::Iterations;
-        let more = Self::Iterations(options.iterations.saturating_mul(2));
-        if outcome.stop == Stop::Iterations && options.iterations < Self::FEW {
+        // Starts may have taken more than were asked for.
+        let taken = options.iterations.max(outcome.best.iteration);
+        let more = Self::Iterations(taken.saturating_mul(2));
+        if outcome.stop == Stop::Iterations && taken < Self::FEW {
             return more;
         }
         let architecture = outcome.model.architecture();
@@ -125,7 +127,7 @@ impl NextStep {
                 "little is learnt with the circle action that was given; short trainings may find another"
                     .into()
             }
-            Self::Iterations(_) => "the iterations were done before the loss was at rest".into(),
+            Self::Iterations(_) => "the loss was still falling, or so few iterations do not say".into(),
             Self::HoldOut => {
                 format!("a verdict takes {} pairs that the training does not see", Judgement::FEWEST)
             }

@@ -101,7 +101,7 @@ impl Trial {
         let declared = short.declared();
         let path = tempfile::tempdir().ok()?;
         let folder = Folder::open(path.path(), false, false).ok()?;
-        let mut watch = Watch::default();
+        let mut watch = TrialObserver::default();
         let start = Instant::now();
         let mut context = Context::new(&declared, &folder, &[], &mut watch);
         let made = context.data().is_ok();
@@ -164,7 +164,7 @@ fn more_pairs_an_iteration(
 
 /// Takes the times of the iterations of each network, and ends each training after a moment.
 #[derive(Default)]
-struct Watch {
+struct TrialObserver {
     /// When the stage under way began.
     start: Option<Instant>,
     /// The network, how many it has done, and the time since then.
@@ -172,7 +172,7 @@ struct Watch {
     long_enough: bool,
 }
 
-impl Watch {
+impl TrialObserver {
     fn seconds_an_iteration(&self, network: &str) -> Option<f64> {
         let mut of_network = self.iterations.iter().filter(|(model, _, _)| model == network);
         let (_, first, begun) = of_network.next()?;
@@ -185,7 +185,7 @@ impl Watch {
     }
 }
 
-impl Observer for Watch {
+impl Observer for TrialObserver {
     fn event(&mut self, event: Event<'_>) {
         match event {
             Event::Stage(_) => (self.start, self.long_enough) = (Some(Instant::now()), false),

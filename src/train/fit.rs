@@ -269,7 +269,7 @@ impl Fit {
         Self { network, training: TrainingOptions::default(), ..Self::default() }
     }
 
-    /// The same fit with at most this many iterations.
+    /// The same fit with at most this many iterations, and those of the starts where these are more.
     pub fn with_iterations(mut self, iterations: u64) -> Self {
         self.training.iterations = iterations;
         self
@@ -327,7 +327,7 @@ impl Fit {
         &self,
         data: &FamilyPairs,
         notes: &mut Vec<FitNote>,
-        watch: &mut Watch<'_>,
+        go_on: &mut GoOn<'_>,
     ) -> Result<TorusAction, Error> {
         let pairs = &data.pairs;
         if let Some(action) = &self.action {
@@ -342,7 +342,7 @@ impl Fit {
             Circles::None => return Ok(by_rotation.action().clone().into()),
             of => ActionTrial::candidates(&by_rotation, of == Circles::Several),
         };
-        let trial = self.tried(data, by_rotation, actions, watch)?;
+        let trial = self.tried(data, by_rotation, actions, go_on)?;
         if let Some(action) = trial.chosen() {
             notes.push(FitNote::Action(trial));
             return Ok(action);
@@ -351,7 +351,7 @@ impl Fit {
         if let Ok(by_rotation) = ActionFit::fit(&reordered) {
             let actions = ActionTrial::candidates(&by_rotation, circles == Circles::Several);
             let reordered = FamilyPairs { pairs: reordered, ..*data };
-            let other = self.tried(&reordered, by_rotation, actions, watch)?;
+            let other = self.tried(&reordered, by_rotation, actions, go_on)?;
             let fits_better = !trial.errs_as_little_as(&other);
             if let Some(action) = other.chosen().filter(|_| fits_better) {
                 let expected = "columns q1 q2 … p1 p2 …";
@@ -372,7 +372,7 @@ impl Fit {
         data: &FamilyPairs,
         by_rotation: ActionFit,
         actions: Vec<TorusAction>,
-        watch: &mut Watch<'_>,
+        go_on: &mut GoOn<'_>,
     ) -> Result<ActionTrial, Error> {
         let recommended = Self::default();
         ActionTrial::run(by_rotation, actions, data.pairs.len(), |action| {
@@ -400,7 +400,7 @@ impl Fit {
             let mut ended = None;
             let mut trying = |_: TrainingStage, _: Progress<'_>| {
                 if ended.is_none() {
-                    ended = match watch() {
+                    ended = match go_on() {
                         Ok(Control::Continue) => return Ok(Control::Continue),
                         Ok(_) => {
                             Some(Error::Stopped { what: "the circle action of the pairs".into() })
@@ -430,7 +430,7 @@ impl Fit {
         &self,
         data: &FamilyPairs,
         action: &TorusAction,
-        watch: &mut Watch<'_>,
+        go_on: &mut GoOn<'_>,
     ) -> Result<Option<Reading>, Error> {
         let Some(reading) = Reading::better(&data.pairs, action) else { return Ok(None) };
         if reading.reorders {
@@ -443,7 +443,7 @@ impl Fit {
         let other: TorusAction = CircleAction::new(reading.weights.clone()).into();
         let both = vec![action.clone(), other.clone()];
         let Ok(by_rotation) = ActionFit::fit(&data.pairs) else { return Ok(None) };
-        let trial = self.tried(data, by_rotation, both, watch)?;
+        let trial = self.tried(data, by_rotation, both, go_on)?;
         Ok((trial.chosen() == Some(other)).then_some(reading))
     }
 
@@ -455,18 +455,18 @@ impl Fit {
     /// and the pairs do not determine it; when pairs of several maps are given for a network that
     /// is no gyroceptron, or a stage of the ramp has no pairs.
     pub fn prepare(&self, data: impl Into<FamilyPairs>) -> Result<Problem, Error> {
-        self.prepare_watched(data, &mut || Ok(Control::Continue))
+        self.prepare_observed(data, &mut || Ok(Control::Continue))
     }
 
-    /// Like [`Fit::prepare`], but asks `watch` at each iteration of the trainings that find a circle action whether
+    /// Like [`Fit::prepare`], but asks `go_on` at each iteration of the trainings that find a circle action whether
     /// to continue.
     ///
     /// # Errors
-    /// Those of [`Fit::prepare`] and of `watch`; [`Error::Stopped`] if `watch` asks to stop.
-    pub fn prepare_watched(
+    /// Those of [`Fit::prepare`] and of `go_on`; [`Error::Stopped`] if `go_on` asks to stop.
+    pub fn prepare_observed(
         &self,
         data: impl Into<FamilyPairs>,
-        watch: &mut dyn FnMut() -> Result<Control, Error>,
+        go_on: &mut dyn FnMut() -> Result<Control, Error>,
     ) -> Result<Problem, Error> {
         self.check()?;
         let mut data = data.into();
@@ -486,8 +486,8 @@ impl Fit {
             None => form_defect_of_ends(&data.pairs, known),
         };
         notes.extend(defect.map(|defect| FitNote::Form(defect, self.section.is_some())));
-        let action = self.circles(&data, &mut notes, watch)?;
-        notes.extend(self.better_reading(&data, &action, watch)?.map(FitNote::Reading));
+        let action = self.circles(&data, &mut notes, go_on)?;
+        notes.extend(self.better_reading(&data, &action, go_on)?.map(FitNote::Reading));
         let problem = self.with_circles(data, action, fits.as_ref(), notes)?;
         let region = if self.section.is_some() { given } else { problem.region };
         Ok(Problem { region, digest, ..problem })
@@ -670,7 +670,7 @@ impl Fit {
 }
 
 /// Says whether to go on.
-type Watch<'a> = dyn FnMut() -> Result<Control, Error> + 'a;
+type GoOn<'a> = dyn FnMut() -> Result<Control, Error> + 'a;
 
 /// The ε and the flow time of the network, among those of the maps that the pairs are of.
 struct Family {

@@ -74,7 +74,8 @@ pub struct FitOptions {
     /// The optimiser. Unless a scene says otherwise, Levenberg–Marquardt comes with its usual plateau and the others
     /// with none.
     pub optimiser: Option<Optimiser>,
-    /// The largest number of iterations, at least 1.
+    /// The largest number of iterations, at least 1. Each of several starts takes [`Starts::TRIAL`] of its own first,
+    /// whatever this number is.
     pub iterations: Option<u64>,
     /// Sets of initial weights of which the best is trained further, at least 1.
     pub starts: Option<u64>,

@@ -66,7 +66,7 @@ impl Limit {
             Self::Iterations => "the iterations: the loss was still falling",
             Self::Network => {
                 "the network or its optimiser: the loss is at rest, and held-out pairs fit as well; \
-                 a wider network, the best of several starts, the optimiser Levenberg–Marquardt"
+                 a wider network, the best of several starts, Levenberg–Marquardt where the optimiser is another"
             }
         }
     }

@@ -217,6 +217,14 @@ fn tables_fit_the_width_of_the_terminal() {
             assert!(rules >= 3, "{told}");
         }
     }
+    // The list of scenes is no table, and fits as well.
+    for width in [80, 120] {
+        let mut command = command(path, &["scenes"]);
+        let output = command.env("COLUMNS", width.to_string()).output().expect("starts");
+        let listed = text(&output.stdout);
+        assert!(listed.lines().all(|line| letters(line) <= width), "{width}: {listed}");
+        assert!(listed.contains("Two fast frequencies: a torus of actions"), "{listed}");
+    }
     let mut wide = Table::new([
         ("network", Format::Exact),
         ("the mean squared error of one step on held-out pairs", Format::Exponent(3)),
