@@ -27,8 +27,7 @@ pub(crate) fn count(kind: Kind, number: usize) {
     COUNTS[kind as usize].fetch_add(number as u64, Ordering::Relaxed);
 }
 
-/// So much was computed. Of a whole process: what is done on several threads at
-/// once is counted together.
+/// How much a process has computed so far, on all its threads together.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Work {
     /// Applications of a network to a point, by

@@ -150,7 +150,7 @@ impl Pairs {
         self.under_controls(epsilons, times, &[])
     }
 
-    /// As [`Pairs::under`], with values of controls too: the same number for each pair, row by row.
+    /// The pairs of [`Pairs::under`], with values of controls too: as many for each pair, row by row.
     ///
     /// # Errors
     /// Those of [`Pairs::under`]; when there are not as many finite values for each pair.

@@ -136,7 +136,7 @@ impl PolynomialMap {
         self.coefficients.len()
     }
 
-    /// z ← its image.
+    /// Replaces a point z by its image under the map.
     ///
     /// # Panics
     /// When z is not of 2n numbers.
@@ -225,7 +225,7 @@ pub struct TwoFits {
 }
 
 impl TwoFits {
-    /// Of pairs of one map; None where there are too few of them for such a fit.
+    /// The two fits to pairs of one map; None where there are too few of them for such fits.
     pub fn of(pairs: &Pairs) -> Option<Self> {
         const MOST_DEGREE: usize = 24;
         const TERMS: usize = 800;
@@ -272,7 +272,7 @@ impl TwoFits {
 }
 
 impl FormDefect {
-    /// Of pairs of one map; None where there are too few of them for such a fit.
+    /// The defect of the map that pairs are of; None where there are too few of them for such a fit.
     pub fn of(pairs: &Pairs) -> Option<Self> {
         Some(TwoFits::of(pairs)?.form_defect(pairs))
     }

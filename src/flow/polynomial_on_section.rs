@@ -130,7 +130,7 @@ impl PolynomialOnSection {
         self.rollout_at_pace(initial, request, &mut Pace::unbroken())
     }
 
-    /// The same, which can be stopped between its parts.
+    /// The roll-out of [`PolynomialOnSection::rollout`], which can be stopped between its parts: the same bits.
     ///
     /// # Errors
     /// Those of [`SymplecticPolynomial::rollout`]; [`Error::Stopped`].

@@ -169,8 +169,8 @@ impl SymplecticPolynomial {
         Self::fit_symmetric(pairs, degree, &Symmetries::default())
     }
 
-    /// The same for a map that this reflection conjugates to its inverse; the fit is so for all pairs, and errs where
-    /// they are of another map.
+    /// The polynomial fitted to pairs of a map that this reflection conjugates to its inverse; the fit is so for all
+    /// pairs, and errs where they are of another map.
     ///
     /// # Errors
     /// Those of [`SymplecticPolynomial::fit`]; when the linear part turns a plane by half a turn.
@@ -179,8 +179,8 @@ impl SymplecticPolynomial {
         Self::fit_symmetric(pairs, degree, &Symmetries { reversor, ..Symmetries::default() })
     }
 
-    /// The same for a map with these symmetries, which the fit has for all pairs; it errs where they are of another
-    /// map.
+    /// The polynomial fitted to pairs of a map with these symmetries, which the fit has for all pairs; it errs where
+    /// they are of another map.
     ///
     /// # Errors
     /// Those of [`SymplecticPolynomial::fit_reversible`], and of [`Symmetries::check`].
@@ -477,7 +477,7 @@ impl SymplecticPolynomial {
         self.forward.iterations
     }
 
-    /// z ← its image.
+    /// Replaces a point z by its image under the map.
     ///
     /// # Panics
     /// When z is not of 2n numbers.

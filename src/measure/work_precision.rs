@@ -241,7 +241,7 @@ pub struct AtError<'a> {
     pub method: &'a WorkPrecision,
     /// Median seconds for a unit of work.
     pub seconds: f64,
-    /// The same where vector lanes are not shared; None where that is not timed.
+    /// The seconds of one trajectory alone, which shares no vector lanes; None where that is not timed.
     pub alone: Option<f64>,
 }
 

@@ -62,7 +62,7 @@ pub struct PolynomialTrial {
     pub iterations: usize,
     /// The root mean square distance of the images of the fitted pairs from theirs, in units of the data.
     pub error: f64,
-    /// The same for held-out pairs.
+    /// The root mean square distance of the images of held-out pairs from theirs; None without such pairs.
     pub held_out: Option<f64>,
     /// Of the coordinate that errs most, its root mean square error over its own spread among the images, on held-out
     /// pairs where there are some.
@@ -78,7 +78,7 @@ pub struct FittedPolynomial {
     pub trials: Vec<PolynomialTrial>,
     /// How many pairs it was fitted to.
     pub pairs: usize,
-    /// How many were held out.
+    /// The number of pairs that were held out.
     pub held_out: usize,
     /// The SHA-256 of all pairs, those held out too.
     pub digest: String,

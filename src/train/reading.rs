@@ -18,7 +18,7 @@ pub struct Reading {
     /// The mean squared error of the rotation nearest to the pairs in this reading, over the mean
     /// square of the outputs.
     pub error: f64,
-    /// The same for the pairs as they were given.
+    /// That error for the pairs with the columns in the order in which they were given.
     pub as_given: f64,
 }
 

@@ -19,7 +19,7 @@ pub struct ReversalDefect {
     pub reversor: Reversor,
     /// The median of |F(Sw) − Sz| over pairs, in units of the root mean square motion |w − z|.
     pub median: f64,
-    /// The same for the difference of two fits at Sw: a smaller defect is not resolved.
+    /// The median of the difference of two fits at Sw, over the same motion: a smaller defect is not resolved.
     pub resolution: f64,
 }
 
@@ -105,7 +105,7 @@ pub struct MirrorDefect {
     pub planes: Vec<usize>,
     /// The median of |F(Mz) − Mw| over pairs, in units of the root mean square motion |w − z|.
     pub median: f64,
-    /// The same for the difference of two fits at Mz: a smaller defect is not resolved.
+    /// The median of the difference of two fits at Mz, over the same motion: a smaller defect is not resolved.
     pub resolution: f64,
 }
 

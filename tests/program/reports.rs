@@ -61,6 +61,18 @@ fn a_report_begins_with_verdict_error_and_next_command() {
     assert!(!next.contains(&"--psi".to_owned()), "{next:?}");
 }
 
+/// Starts take more iterations than were asked for: to go on takes more than they did.
+#[test]
+fn to_go_on_is_to_do_more_than_the_starts_did() {
+    let folder = folder();
+    let path = folder.path();
+    write_data(path);
+    let files = ["train", "--data", "pairs.npz", "--circle-action", "1,0", "--output", "m.json"];
+    let sizes = ["--kicks", "1x2", "--twists", "1x2", "--iterations", "5", "--starts", "2"];
+    let told = text(&succeeds(path, &[&files[..], &sizes].concat()).stdout);
+    assert!(told.contains("--iterations 80 --resume"), "{told}");
+}
+
 /// Who gave a wrong action is sent to find another, and who has few pairs to more of them.
 #[test]
 fn a_wrong_action_and_few_pairs_have_a_next_step() {
