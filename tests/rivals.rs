@@ -185,6 +185,20 @@ fn equidistant_kicks_average_exponentially() {
     assert!(error(16) < distance(&of_aba, &exact) + 1e-9);
 }
 
+/// A perturbation of twice the strength is that of twice the ε, slow turns and kicks alike.
+#[test]
+fn perturbed_steps_are_those_of_a_stronger_perturbation() {
+    let (system, stronger) = (Oscillators { epsilon: 0.01 }, Oscillators { epsilon: 0.02 });
+    for splitting in [Splitting::STRANG, Splitting::ABA_1064] {
+        let (mut z, mut own, mut expected) = (points(), points(), points());
+        splitting.steps_perturbed::<f64>(&system, 0.4, 2.0).take(&system, &mut z, 30);
+        splitting.steps::<f64>(&system, 0.4).take(&system, &mut own, 30);
+        splitting.integrate(&stronger, &mut expected, 12.0, 30);
+        assert!(distance(&z, &expected) < 1e-13, "{}", distance(&z, &expected));
+        assert!(distance(&z, &own) > 1e-2);
+    }
+}
+
 /// A system that tells a wrong average, or a wrong circle action.
 struct Wrong {
     weights: [i32; 2],

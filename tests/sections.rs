@@ -14,8 +14,8 @@ use gyroceptron::io::{
 use gyroceptron::layer::Reversor;
 use gyroceptron::measure::adiabatic::log_slope;
 use gyroceptron::measure::orbits::{
-    Branch, InvariantCircle, lyapunov_exponent, manifold, periodic_orbit, periodic_orbits,
-    rotation_numbers, smaller_alignment_index,
+    Branch, InvariantCircle, aperture_of_ray, lyapunov_exponent, manifold, periodic_orbit,
+    periodic_orbits, rotation_numbers, smaller_alignment_index,
 };
 use gyroceptron::measure::ratios::symplecticity_defect;
 use gyroceptron::network::{Pace, Rollout};
@@ -334,6 +334,40 @@ fn coils_near_the_lines_have_more_points() {
     assert!(map.axis([radius + 0.01, height]).is_ok());
 }
 
+/// The toroidal field of a section is that of its coils in the half-plane there.
+#[test]
+fn the_toroidal_field_of_a_section_is_that_of_its_coils() {
+    let coils = Torsatron::default().coils().expect("sound").all().expect("coils");
+    let phi = 0.3 * PERIOD;
+    let guess = LineMap::new(&torsatron(400), phi, PERIOD, 32).expect("a map").axis([3.95, 0.0]);
+    let guess = Some(guess.expect("an axis"));
+    let request = LineRequest { phi, angle: PERIOD, reach: 0.02, guess, error: 1e-4 };
+    let section = LineSection::new(&coils, request).expect("a section");
+    for [radius, height] in [[3.95, 0.0], [4.0, 0.05], [3.9, -0.1]] {
+        let place = [radius * phi.cos(), radius * phi.sin(), height];
+        let [x, y, _]: [f64; 3] = section.field().at(place);
+        let expected = y * phi.cos() - x * phi.sin();
+        let found = section.toroidal_field(radius, height);
+        assert!((found / expected - 1.0).abs() < 1e-12 && found.abs() > 0.1, "{found}");
+    }
+}
+
+/// Along a ray the aperture ends at the first point that is lost, however many behind it stay.
+#[test]
+fn an_aperture_ends_at_the_first_point_that_is_lost() {
+    let radii = [0.1, 0.2, 0.4, 0.5];
+    for (survived, maps, expected) in [
+        ([None, None, None, None], 10, 0.5),
+        ([None, None, Some(7), None], 10, 0.2),
+        ([None, None, Some(7), None], 6, 0.5),
+        ([None, None, Some(7), None], 7, 0.2),
+        ([Some(1), None, None, None], 10, 0.0),
+        ([None, Some(12), Some(3), None], 10, 0.2),
+    ] {
+        assert_eq!(aperture_of_ray(&survived, &radii, maps), expected, "{survived:?} {maps}");
+    }
+}
+
 /// Lines are followed back to where they come from, to the error of the steps.
 #[test]
 fn lines_are_followed_backwards() {
@@ -348,7 +382,7 @@ fn lines_are_followed_backwards() {
         let moved = starts.iter().zip(&there).map(|(a, b)| (a - b).abs()).fold(0.0, max_or_nan);
         assert!(moved > 1e-3 && map.backwards().angle() == -PERIOD);
     }
-    // From the end of a part of a period it is another map than back from its beginning.
+    // Of a part of a period too: it begins where that ends.
     let part = LineMap::new(&field, 0.3, 0.4 * PERIOD, 64).expect("a map");
     let there = part.trajectories(&starts, 1).expect("lines");
     let back = part.backwards().trajectories(&there, 1).expect("lines");

@@ -77,8 +77,9 @@ fn methods_are_timed_in_turn() {
     let methods = [clock.takes("a", 2000), clock.takes("b", 3000)];
     work_precision_by(&|| clock.seconds(), &methods, &|_| 0.0, 1.0, 3).expect("a thread");
     let runs = clock.runs.lock().expect("one thread").clone();
-    // Each once for its result and once to see how long it takes, then in turn.
-    assert_eq!(runs, ["a", "a", "b", "b", "a", "b", "a", "b", "a", "b"]);
+    // Each once for its result and once to see how long it takes, then in turn, after a run that is not timed.
+    let in_turn = ["a", "a", "b", "b"].repeat(3);
+    assert_eq!(runs, [&["a", "a", "b", "b"], &in_turn[..]].concat());
 }
 
 /// A short one is run until a measurement is long enough; one that takes seconds is
@@ -86,11 +87,12 @@ fn methods_are_timed_in_turn() {
 #[test]
 fn the_runs_of_a_measurement_follow_from_how_long_one_takes() {
     for (microseconds, rounds, expected) in [
-        // 1 + 2 + 4 + … + 512 + 1024 runs to find out, then 1024 a round.
-        (1, 2, 1 + 2047 + 2 * 1024),
-        (300, 2, 1 + (1 + 2 + 4) + 2 * 4),
+        // 1 + 2 + 4 + … + 512 + 1024 runs to find out, then one that is not timed and 1024 a round.
+        (1, 2, 1 + 2047 + 2 * 1025),
+        (300, 2, 1 + (1 + 2 + 4) + 2 * 5),
+        (99_000, 9, 1 + 1 + 9 * 2),
         (3_000_000, 9, 1 + 1 + 3),
-        (100_000, 9, 1 + 1 + 9),
+        (101_000, 9, 1 + 1 + 9),
     ] {
         let clock = Clock::default();
         let methods = [clock.takes("one", microseconds)];
@@ -228,7 +230,7 @@ fn one_alone_is_timed_beside() {
     assert!((median(judged[0].alone).expect("timed") - 0.0035).abs() < 1e-12);
     assert_eq!(judged[1].alone, None);
     let runs = clock.runs.lock().expect("one thread").clone();
-    let round = ["a", "alone", "b"];
+    let round = ["a", "a", "alone", "alone", "b", "b"];
     assert_eq!(runs, [&["a", "a", "alone", "b", "b"][..], &round, &round, &round].concat());
     assert!(judged[0].without_seconds().alone.is_none());
     // What fails is not timed in either way.

@@ -81,9 +81,8 @@ impl<'a> LineMap<'a> {
         Err(Error::NoConvergence { what: "field lines".into(), iterations: steps, change })
     }
 
-    /// The map that follows lines the other way, from the end of this map to its beginning, with as many steps. It
-    /// undoes this map up to the error of both where the field has the same values an angle of the map further on, as
-    /// it has where this angle is one or more field periods.
+    /// The map that follows lines the other way, from the end of this map to its beginning, with as many steps: it
+    /// undoes this map up to the error of both.
     #[must_use]
     pub fn backwards(self) -> Self {
         Self { phi: self.phi + self.angle, angle: -self.angle, ..self }

@@ -111,6 +111,9 @@ impl WorkPrecision {
 
 /// Measurements shorter than this are of several runs.
 const LEAST_SECONDS: f64 = 1e-3;
+/// Before a measurement that is shorter than so many seconds there is a run that is not timed: else the time that the
+/// caches take to fill would be a part of it.
+const SHORT: f64 = 0.1;
 /// A measurement is of no more runs than this.
 const MOST_RUNS: usize = 1 << 20;
 /// After so many seconds a method is not run more often than [`FEWEST_ROUNDS`].
@@ -162,13 +165,13 @@ pub fn work_precision_by(
         }
         (clock() - start) / runs as f64
     };
-    // How many runs one measurement takes.
-    let runs = |run: &Run<'_>| {
-        let mut runs = 1;
-        while seconds(run, runs) * (runs as f64) < LEAST_SECONDS && runs < MOST_RUNS {
+    let begun = |run: &Run<'_>| {
+        let (mut runs, mut one) = (1, seconds(run, 1));
+        while one * (runs as f64) < LEAST_SECONDS && runs < MOST_RUNS {
             runs *= 2;
+            one = seconds(run, runs);
         }
-        runs
+        Timed { runs, is_short: one * (runs as f64) < SHORT, seconds: Vec::new() }
     };
     pool.install(|| {
         let mut trials: Vec<Trial> = methods
@@ -182,8 +185,8 @@ pub fn work_precision_by(
                     },
                 };
                 let timed = |run: Option<&Run<'_>>| match error.and(run) {
-                    Some(run) => Timed { runs: runs(run), seconds: Vec::new() },
-                    None => Timed { runs: 0, seconds: Vec::new() },
+                    Some(run) => begun(run),
+                    None => Timed { runs: 0, is_short: false, seconds: Vec::new() },
                 };
                 let together = timed(Some(&method.run));
                 let alone = timed(method.alone.as_ref().map(|(run, _)| run));
@@ -198,6 +201,10 @@ pub fn work_precision_by(
                     let Some(run) = run else { continue };
                     let spent = timed.seconds.iter().sum::<f64>() * timed.runs as f64;
                     if timed.runs > 0 && (round < FEWEST_ROUNDS || spent <= MOST_SECONDS) {
+                        // What ran before has left its own numbers and code in the caches.
+                        if timed.is_short {
+                            let _ = black_box(run());
+                        }
                         timed.seconds.push(seconds(run, timed.runs));
                     }
                 }
@@ -225,6 +232,8 @@ struct Trial {
 struct Timed {
     /// Runs of one measurement; 0 where there is nothing to measure.
     runs: usize,
+    /// Whether a measurement is shorter than [`SHORT`].
+    is_short: bool,
     seconds: Vec<f64>,
 }
 
