@@ -405,8 +405,8 @@ pub struct Train {
     /// What is added to the loss: so many times the square of how far θ is from its start.
     #[arg(long, value_name = "WEIGHT", allow_negative_numbers = true)]
     pub theta_penalty: Option<f64>,
-    /// The largest number of iterations [default: 1000, or the scene's]. Each of several starts takes 40 of its own first,
-    /// whatever this number is.
+    /// The largest number of iterations [default: 1000, or the scene's]. Each of several starts takes 40 of its own
+    /// first, whatever this number is.
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub iterations: Option<i64>,
     /// The share of the pairs to hold out.

@@ -855,7 +855,8 @@ impl Fixed {
             Some(width) => {
                 let phase = self.chain.phase.unwrap_or(f64::NAN).to_degrees();
                 format!(
-                    "; its island is {:.4} mm wide, and seen from the axis the one nearest to the direction of R is {phase:.4}° from it",
+                    "; its island is {:.4} mm wide, and seen from the axis the one nearest to the direction of R is \
+                     {phase:.4}° from it",
                     1e3 * width
                 )
             }
