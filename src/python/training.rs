@@ -185,8 +185,8 @@ fn condition(of: Option<Condition>) -> (Option<f64>, Option<Vec<f64>>) {
 /// sets of initial weights. Each is trained for 40 iterations, and the best goes on. ramp: stages before the training,
 /// on pairs with flow times of their own: a list of (flow time, iterations), or (flow time or None, degree, iterations)
 /// for polynomials of at most that degree. near_identity_penalty: the factor with which the mean square of
-/// I_epsilon(z) - z is added to the loss; of a map with a perturbation that of chi(K_epsilon(chi^-1(z))) - z. patience, target: stop
-/// when the held-out error has not improved for so many evaluations, one in ten iterations, or is at most the target; 0
+/// I_epsilon(z) - z is added to the loss; of a map with a perturbation that of chi(K_epsilon(chi^-1(z))) - z.
+/// patience, target: stop when the held-out error has not improved for so many evaluations, one in ten iterations, or is at most the target; 0
 /// never stops. plateau: stop when
 /// the held-out error has fallen by less than a tenth in so many iterations, 50 with "lm" unless given; 0 never stops.
 /// epsilon, flow_time: the values of the pairs, a number or an array (N,) with one for each pair. Unless given they are
