@@ -186,9 +186,9 @@ fn condition(of: Option<Condition>) -> (Option<f64>, Option<Vec<f64>>) {
 /// on pairs with flow times of their own: a list of (flow time, iterations), or (flow time or None, degree, iterations)
 /// for polynomials of at most that degree. near_identity_penalty: the factor with which the mean square of
 /// I_epsilon(z) - z is added to the loss; of a map with a perturbation that of chi(K_epsilon(chi^-1(z))) - z.
-/// patience, target: stop when the held-out error has not improved for so many evaluations, one in ten iterations, or is at most the target; 0
-/// never stops. plateau: stop when
-/// the held-out error has fallen by less than a tenth in so many iterations, 50 with "lm" unless given; 0 never stops.
+/// patience, target: stop when the held-out error has not improved for so many evaluations, one in ten iterations, or
+/// is at most the target; 0 never stops. plateau: stop when the held-out error has fallen by less than a tenth in so
+/// many iterations, 50 with "lm" unless given; 0 never stops.
 /// epsilon, flow_time: the values of the pairs, a number or an array (N,) with one for each pair. Unless given they are
 /// 0.01 and what the pairs determine. The network's own value is the largest of an array, or that of a tuple (own,
 /// array). loss_weights: the weights of the planes in the loss and in the held-out error that chooses the model:

@@ -85,8 +85,10 @@ pub struct Orbits {
 }
 
 impl Orbits {
-    /// Whether so many orbits leave the box that a map is not for long orbits: one in four, or more. By
-    /// `gyroceptron run noise`, of maps whose trajectories go where no pairs are and are lost 3 to 8 of 16 do, and of others 0 to 2.
+    /// Whether so many orbits leave the box that a map is not for long orbits: one in four, or more.
+    ///
+    /// By `gyroceptron run noise` 3 to 8 of 16 do, where trajectories go to places without pairs and are lost, and 0 to
+    /// 2 where all have pairs.
     pub fn leave_often(&self) -> bool {
         are_often(self.astray, self.count)
     }
