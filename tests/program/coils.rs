@@ -379,9 +379,10 @@ fn a_chain_of_the_field_is_found_and_as_wide_by_a_map() {
     // Of lines 0.01 mm apart those from −0.31 to 0.30 mm stay in it.
     assert!(width > 6.0e-4 && width < 6.4e-4, "{width}");
     assert!((own / width - 1.0).abs() < 0.01, "{own} {width}");
-    // The centre is on the line of symmetry, outside of the axis.
-    let phases = [found, polynomial].map(|of| number(&of["chain"]["phase"]));
-    assert!(phases.iter().all(|phase| *phase < 1e-8), "{phases:?}");
+    // The centre is on the line of symmetry, outside of the axis: exactly of the polynomial, which is reversible, and up
+    // to the error of tracing, 1e-8, over the small residue of the orbit.
+    let [of_field, of_polynomial] = [found, polynomial].map(|of| number(&of["chain"]["phase"]));
+    assert!(of_field < 1e-6 && of_polynomial < 1e-9, "{of_field:e} {of_polynomial:e}");
 }
 
 /// The map of the scene loses the lines that the field loses, and its manifold begins where that of the field does.
