@@ -160,6 +160,10 @@ impl Observer for Progress {
                     best.loss
                 ));
             }
+            Event::Lost { model, reason } => {
+                self.finish();
+                self.note(&format!("{model} is lost: {reason}"));
+            }
         }
     }
 

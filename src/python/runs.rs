@@ -46,7 +46,7 @@ impl Observer for RunObserver<'_> {
             Event::Iteration { model, record, .. } => {
                 self.call(model, Some((record.iteration, record.loss, record.validation)));
             }
-            Event::Progress { .. } | Event::Trained { .. } => {}
+            Event::Progress { .. } | Event::Trained { .. } | Event::Lost { .. } => {}
         }
     }
 

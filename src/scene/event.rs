@@ -34,6 +34,14 @@ pub enum Event<'a> {
         /// The record of the model that was kept.
         best: TrainingRecord,
     },
+    /// The training of a network left the finite numbers at the beginning of a stage: it has no map, and the run goes
+    /// on without it.
+    Lost {
+        /// The name of the network that is lost.
+        model: &'a str,
+        /// What is not finite, and in which stage.
+        reason: &'a str,
+    },
 }
 
 /// Listens to a run, and may stop it.

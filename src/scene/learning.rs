@@ -20,10 +20,14 @@ use std::rc::Rc;
 use std::time::Instant;
 
 impl Context<'_> {
-    /// The networks that are to be studied, trained.
+    /// The networks that are to be studied, trained. One whose training is lost is not among them.
+    ///
+    /// # Errors
+    /// [`Error::Diverged`] when all are lost.
     pub(super) fn models(&mut self) -> Result<Vec<Rc<Trained>>, RunError> {
         let all = self.all_models()?;
-        Ok(all.into_iter().filter(|trained| !trained.spec.training_only).collect())
+        let studied = all.into_iter().filter(|trained| !trained.spec.training_only);
+        without_lost(studied.collect())
     }
 
     /// The networks, trained, with those that are here for their training only: from
@@ -105,6 +109,21 @@ impl Context<'_> {
     }
 }
 
+/// The networks whose training is not lost.
+///
+/// # Errors
+/// [`Error::Diverged`] when all are.
+pub(super) fn without_lost(all: Vec<Rc<Trained>>) -> Result<Vec<Rc<Trained>>, RunError> {
+    if let Some(first) = all.first()
+        && all.iter().all(|trained| trained.lost.is_some())
+    {
+        let what = format!("training of every network, the first {}", first.spec.name);
+        let place = "the beginning of a stage".to_owned();
+        return Err(Error::Diverged { what, place }.into());
+    }
+    Ok(all.into_iter().filter(|trained| trained.lost.is_none()).collect())
+}
+
 /// A network, with the maps from all its initial weights.
 pub(super) struct BySeed {
     pub(super) network: String,
@@ -174,11 +193,19 @@ fn learn_at(
         stages,
         from: from.map(|(model, earlier)| Earlier { model: model.clone(), time: time / earlier }),
     };
+    let (initial, has_held_out) = (problem.initial_model()?, problem.held_out.is_some());
     let mut watch = SceneWatch::new(context, &spec, &options);
     let result = problem.train(&mut watch);
     let times = watch.times;
     context.add_training_times(times);
-    let fitted = result?;
+    let fitted = match result {
+        Err(reason @ Error::Diverged { .. }) => {
+            let reason = reason.to_string();
+            context.report(Event::Lost { model: &spec.name, reason: &reason });
+            return Ok(Trained::lost(spec, network, initial, reason, has_held_out));
+        }
+        result => result?,
+    };
     let (stop, best) = (fitted.outcome().stop, fitted.outcome().best);
     context.report(Event::Trained { model: &spec.name, stop, best });
     if stop == Stop::Interrupted {
@@ -190,7 +217,7 @@ fn learn_at(
     }
     let Scheduled { initial, stages, outcome } = fitted.training;
     let held_out_error = held_out_error(&outcome, &options.loss, data.validation())?;
-    Ok(Trained { spec, network, initial, stages, outcome, held_out_error })
+    Ok(Trained { spec, network, initial, stages, outcome, held_out_error, lost: None })
 }
 
 /// The stages of a ramp that lead up to the map of an ε and a flow time: none, where weights of an earlier flow time
@@ -326,5 +353,5 @@ fn of_file(context: &Context<'_>, data: &DataSets, spec: ModelSpec) -> Result<Tr
     };
     let held_out_error = held_out_error(&outcome, &loss, data.validation())?;
     let (network, stages) = (spec.name.clone(), Vec::new());
-    Ok(Trained { network, spec, initial: model, stages, outcome, held_out_error })
+    Ok(Trained { network, spec, initial: model, stages, outcome, held_out_error, lost: None })
 }

@@ -250,7 +250,8 @@ impl OwnTraining<'_> {
             seeds: None,
         };
         let models = vec![spec.clone()];
-        let trained = Trained { spec, network, initial, stages, outcome, held_out_error };
+        let trained =
+            Trained { spec, network, initial, stages, outcome, held_out_error, lost: None };
         // Those of pairs that it was trained on are no held-out errors.
         let if_held_out = |values: &[f64]| match held_out {
             Some(_) => values.to_vec(),

@@ -6,7 +6,7 @@ use super::target_flow::TargetFlow;
 use crate::error::Error;
 use crate::flow::Pairs;
 use crate::network::Model;
-use crate::train::{Loss, Objective, Outcome, StageResult, fit_rotation};
+use crate::train::{Loss, Objective, Outcome, StageResult, Stop, TrainingRecord, fit_rotation};
 
 /// A network before and after training.
 pub(super) struct Trained {
@@ -19,6 +19,9 @@ pub(super) struct Trained {
     pub(super) outcome: Outcome,
     /// The mean squared error on the held-out pairs, whatever the weights of the loss.
     pub(super) held_out_error: Option<f64>,
+    /// Why there is no trained network, where a stage of its training could not begin: `outcome` is then of the
+    /// initial network.
+    pub(super) lost: Option<String>,
 }
 
 /// The mean squared error of what a training has kept on the held-out pairs.
@@ -37,6 +40,34 @@ pub(super) fn held_out_error(
 }
 
 impl Trained {
+    /// A network whose training left the finite numbers at the beginning of one of its stages.
+    pub(super) fn lost(
+        spec: ModelSpec,
+        network: String,
+        initial: Model,
+        reason: String,
+        has_held_out: bool,
+    ) -> Self {
+        let record = TrainingRecord {
+            iteration: 0,
+            evaluations: 1,
+            loss: f64::INFINITY,
+            pairs: 0,
+            gradient: f64::INFINITY,
+            validation: has_held_out.then_some(f64::INFINITY),
+        };
+        let outcome = Outcome {
+            model: initial.clone(),
+            loss: record.loss,
+            best: record,
+            history: vec![record],
+            curvatures: 0,
+            stop: Stop::Diverged,
+        };
+        let (held_out_error, lost) = (record.validation, Some(reason));
+        Self { spec, network, initial, stages: Vec::new(), outcome, held_out_error, lost }
+    }
+
     /// The network after training, of the iteration that was kept.
     pub(super) fn model(&self) -> &Model {
         &self.outcome.model

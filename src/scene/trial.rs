@@ -200,7 +200,7 @@ impl Observer for TrialObserver {
                 }
                 self.long_enough = since >= LONG_ENOUGH;
             }
-            Event::Progress { .. } | Event::Trained { .. } => {}
+            Event::Progress { .. } | Event::Trained { .. } | Event::Lost { .. } => {}
         }
     }
 

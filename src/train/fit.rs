@@ -853,22 +853,35 @@ pub struct Problem {
 }
 
 impl Problem {
-    /// Trains the network and reports to the observer.
-    ///
-    /// # Errors
-    /// Those of [`train_schedule`].
-    pub fn train(self, observer: &mut dyn TrainingObserver) -> Result<Fitted, Error> {
+    fn initial_models<'a>(&'a self, rings: Option<&'a Rings>) -> InitialModels<'a> {
         let has_circle = self.architecture.has_circle();
-        let rings = Rings::for_start(&self.architecture, &self.training, &self.pairs);
-        let initial = InitialModels {
+        InitialModels {
             architecture: &self.architecture,
             weights: self.weights,
             angles: if has_circle { &self.angles } else { &[] },
             seed: self.seed,
             from: self.from.as_ref(),
-            rings: rings.as_ref(),
+            rings,
             theta_fixed: self.training.theta_fixed,
-        };
+        }
+    }
+
+    /// The network of the first start before any training, without the [rotation](Rings) that training may find for
+    /// its slow map.
+    ///
+    /// # Errors
+    /// Those of [`InitialModels::model`].
+    pub fn initial_model(&self) -> Result<Model, Error> {
+        self.initial_models(None).model(0)
+    }
+
+    /// Trains the network and reports to the observer.
+    ///
+    /// # Errors
+    /// Those of [`train_schedule`].
+    pub fn train(self, observer: &mut dyn TrainingObserver) -> Result<Fitted, Error> {
+        let rings = Rings::for_start(&self.architecture, &self.training, &self.pairs);
+        let initial = self.initial_models(rings.as_ref());
         let mut data: Vec<StageData<'_>> = self
             .stages
             .iter()

@@ -369,7 +369,13 @@ impl Run<'_> {
             }
             watch.observe(stage, progress)
         };
-        let outcome = train(model, place.pairs, place.held_out, &options, resume, &mut observe)?;
+        let outcome = train(model, place.pairs, place.held_out, &options, resume, &mut observe);
+        let outcome = outcome.map_err(|error| match error {
+            Error::Diverged { what, place } if stage != TrainingStage::Last => {
+                Error::Diverged { what, place: format!("{place} of {}", stage.name()) }
+            }
+            other => other,
+        })?;
         Ok((outcome, newest))
     }
 }

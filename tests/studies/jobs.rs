@@ -2,6 +2,7 @@
 
 use crate::helpers::{Quiet, run_in, temporary};
 use crate::long_steps::LONG_STEPS;
+use crate::lost;
 use crate::noise::NOISE;
 use gyroceptron::scene::{
     Event, Folder, Job, JobEnd, JobKind, JobRequest, MergeEnd, Observer, Scene, find, merge, parse,
@@ -193,4 +194,11 @@ fn built_in_scenes_have_plans() {
             entry.name
         );
     }
+}
+
+#[test]
+fn trainings_that_are_lost_in_pieces() {
+    let stages = same_bytes(&lost::scene(2));
+    // Its pairs and those of its ramp, a network, and another from two initial weights, which are both lost.
+    assert_eq!(stages.len(), 2 + 3 + 1);
 }

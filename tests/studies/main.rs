@@ -11,6 +11,7 @@ mod helpers;
 mod invariants;
 mod jobs;
 mod long_steps;
+mod lost;
 mod models;
 mod noise;
 mod slow_manifold;

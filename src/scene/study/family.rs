@@ -236,7 +236,10 @@ impl FamilyOptions {
         let (mut errors, mut worst_errors, mut frequency_errors) = (vec![], vec![], vec![]);
         for of in models {
             // A network that leaves the finite numbers there has no error.
-            let at = |seed: &Rc<Trained>| seed.model().at(epsilon, flow_time / own_time).ok();
+            let at = |seed: &Rc<Trained>| match seed.lost {
+                Some(_) => None,
+                None => seed.model().at(epsilon, flow_time / own_time).ok(),
+            };
             let found =
                 of.seeds.iter().map(|seed| at(seed).map(|model| judged(&model)).transpose());
             let found = found.collect::<Result<Vec<_>, Error>>()?;
@@ -276,9 +279,11 @@ impl FamilyOptions {
             });
             let averaged = change(along, |z| averaged_invariant(&system, z));
             let of = |of: &BySeed| {
-                let changes =
-                    of.seeds.iter().map(|seed| learnt_change(seed.model(), epsilon, along));
-                MedianAndWorst::of(changes)
+                let change = |seed: &Rc<Trained>| match seed.lost {
+                    Some(_) => None,
+                    None => learnt_change(seed.model(), epsilon, along),
+                };
+                MedianAndWorst::of(of.seeds.iter().map(change))
             };
             let changes: Vec<MedianAndWorst> = models.iter().map(of).collect();
             let learnt = changes.iter().map(|of| of.median).collect();

@@ -21,6 +21,7 @@ use crate::scene::data_sets::DataSets;
 use crate::scene::declared::Declared;
 use crate::scene::figure::{Axis, Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
+use crate::scene::learning::without_lost;
 use crate::scene::setup::{
     MOST, ModelSpec, Need, SeededTraining, Setup, StudyTraining, check_points,
 };
@@ -257,6 +258,7 @@ impl Study for LongStepsOptions {
             }
         };
         let data = context.data_at(context.system()?.epsilon(), training.flow_time)?;
+        let before = before.filter(|(earlier, _)| earlier.lost.is_none());
         let from = before.as_ref().map(|(earlier, time)| (earlier.model(), *time));
         context.learn(training.training.clone(), &data, training.flow_time, from)
     }
@@ -401,7 +403,9 @@ impl LongStepsOptions {
             return context.models();
         }
         let attempts = self.attempts(setup, time);
-        attempts.iter().map(|training| self.train(context, training)).collect()
+        let all: Result<Vec<_>, RunError> =
+            attempts.iter().map(|training| self.train(context, training)).collect();
+        without_lost(all?)
     }
 
     /// The tables of the map of a flow time, around its pairs; what made these makes those.

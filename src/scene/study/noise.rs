@@ -184,6 +184,9 @@ impl Study for NoiseOptions {
                 }
             };
             let one = |trained: &Rc<Trained>| {
+                if let Some(reason) = &trained.lost {
+                    return Ok(OfSeed::lost(reason));
+                }
                 let model = trained.model();
                 let judge = clean.to_judge_by();
                 let mut moved = judge.input().to_vec();
@@ -228,7 +231,7 @@ impl Study for NoiseOptions {
                     held_out: trained.held_out_error.map(f64::sqrt),
                     clean: component(&moved, judge.output()),
                     in_gap,
-                    without_pairs: without_pairs as f64 / count as f64,
+                    without_pairs: Some(without_pairs as f64 / count as f64),
                     rollout: finite(root_mean_square_distance(states.values(), of_reference, dim)),
                     own: own.and_then(finite),
                     verdict: judgement.verdict,
@@ -314,13 +317,28 @@ struct OfSeed {
     /// That on pairs of the flow in the gap; none of what has no gap, or where no held-out pair is in it.
     in_gap: Option<f64>,
     /// The share of the states of its orbits that are in the gap or outside of the box of all pairs.
-    without_pairs: f64,
+    without_pairs: Option<f64>,
     /// The root mean square distance of its orbits from those of the reference.
     rollout: Option<f64>,
     /// The largest change of its own invariant along them, over its value.
     own: Option<f64>,
     verdict: &'static str,
     reasons: Vec<String>,
+}
+
+impl OfSeed {
+    fn lost(reason: &str) -> Self {
+        Self {
+            held_out: None,
+            clean: None,
+            in_gap: None,
+            without_pairs: None,
+            rollout: None,
+            own: None,
+            verdict: "no",
+            reasons: vec![reason.to_owned()],
+        }
+    }
 }
 
 /// The trainings on pairs with a fault.
@@ -440,8 +458,8 @@ fn reasons(found: &[Found]) -> String {
             first.reasons.join("; ")
         };
         let beyond = match first.without_pairs {
-            0.0 => String::new(),
-            share => format!(
+            None | Some(0.0) => String::new(),
+            Some(share) => format!(
                 " {} of the states of its roll-out are where no pairs are.",
                 Format::Percent.number(share)
             ),

@@ -48,6 +48,9 @@ pub(super) fn rollouts_of_seeds(
         let stage = format!("roll-outs of all weights of {network}");
         let errors = context.stage(&stage, |_| {
             let of = |trained: &Rc<Trained>| {
+                if trained.lost.is_some() {
+                    return Ok(f64::INFINITY);
+                }
                 let states = trained.model().rollout(&initial.concat(), request)?;
                 Ok(root_mean_square_distance(&states, reference.values(), reference.dim()))
             };
@@ -70,7 +73,7 @@ pub(super) fn words_of_rollouts(seeds: &[(String, Vec<f64>)]) -> String {
         let found = MedianAndWorst::of(errors.iter().copied().map(Some));
         let or_lost = |error: Option<f64>| error.map_or("lost".to_owned(), |e| format!("{e:.1e}"));
         let (median, worst) = (or_lost(found.median), or_lost(found.worst));
-        let all: Vec<String> = errors.iter().map(|error| format!("{error:.1e}")).collect();
+        let all: Vec<String> = errors.iter().map(|error| or_lost(finite(*error))).collect();
         format!(
             "- `{network}` from {} initial weights, rms distance: {}; median {median}, worst {worst}.",
             errors.len(),

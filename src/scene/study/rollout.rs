@@ -1,7 +1,7 @@
 //! The trajectories of each network beside the reference.
 
 use super::over_seeds::{data_of_rollouts, rollouts_of_seeds, words_of_rollouts};
-use super::shared::Study;
+use super::shared::{Study, finite};
 use crate::error::Error;
 use crate::flow::{ReferenceTrajectories, Trajectories};
 use crate::measure::{
@@ -417,10 +417,10 @@ impl Orbits<'_> {
                 network.rms.into(),
                 largest.into(),
                 learnt.map(|l| l.along_own.largest()).into(),
-                learnt.map(|l| l.along_own.exponent).into(),
+                learnt.and_then(|l| finite(l.along_own.exponent)).into(),
                 learnt.map(|l| l.along_reference.largest()).into(),
                 network.of_system.as_ref().map(Change::largest).into(),
-                network.of_system.as_ref().map(|change| change.exponent).into(),
+                network.of_system.as_ref().and_then(|change| finite(change.exponent)).into(),
                 self.of_reference.as_ref().map(Change::largest).into(),
             ]);
         }

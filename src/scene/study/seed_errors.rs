@@ -8,7 +8,9 @@ use crate::network::{Model, Rollout, map_points};
 use crate::phase::Direction;
 use crate::scene::findings::{Format, Table};
 use crate::scene::learning::BySeed;
+use crate::scene::trained::Trained;
 use serde::Serialize;
+use std::rc::Rc;
 
 /// Errors of a network trained from several initial weights, one of each.
 #[derive(Serialize)]
@@ -43,11 +45,17 @@ impl SeedErrors {
             let found = model.rollout(initial, request)?;
             Ok(root_mean_square_distance(&found[initial.len()..], reference, dim))
         };
-        let models = || of.seeds.iter().map(|seed| seed.model());
+        let of_all = |error: &dyn Fn(&Model) -> Result<f64, Error>| {
+            let error_of = |seed: &Rc<Trained>| match seed.lost {
+                Some(_) => Ok(f64::INFINITY),
+                None => error(seed.model()),
+            };
+            of.seeds.iter().map(error_of).collect::<Result<Vec<f64>, Error>>()
+        };
         Ok(Some(Self {
             network: of.network.clone(),
-            one_step: models().map(one_step).collect::<Result<_, Error>>()?,
-            trajectories: models().map(long).collect::<Result<_, Error>>()?,
+            one_step: of_all(&one_step)?,
+            trajectories: of_all(&long)?,
         }))
     }
 

@@ -324,6 +324,17 @@ impl SlowManifoldOptions {
         for BySeed { network, seeds } in context.by_network()? {
             for trained in seeds {
                 let model = trained.model();
+                if trained.lost.is_some() {
+                    out.push(BesideReference {
+                        network: network.clone(),
+                        name: trained.spec.name.clone(),
+                        from_system: f64::INFINITY,
+                        from_learnt: None,
+                        moved: None,
+                        own: None,
+                    });
+                    continue;
+                }
                 let orbits = |initial: &[Vec<f64>]| {
                     let states = model.rollout(&initial.concat(), request)?;
                     Trajectories::new(states, dim, initial.len())

@@ -143,9 +143,11 @@ impl Study for SurfacesOptions {
         let rolled = context.rollouts(&initial, request)?;
         let mut found = Vec::new();
         for (trained, orbits) in models.iter().zip(rolled.iter()) {
-            let model = trained.model();
-            let island = judge.island(&|points, steps| of_model(model, points, steps))?;
-            found.push(judge.of(&trained.spec.name, None, orbits, island));
+            let (name, model) = (&trained.spec.name, trained.model());
+            found.push(match judge.island(&|points, steps| of_model(model, points, steps)) {
+                Err(reason @ Error::Diverged { .. }) => judge.lost(name, None, reason.to_string()),
+                island => judge.of(name, None, orbits, island?),
+            });
             if context.interrupted() {
                 return Err(RunError::Interrupted);
             }
@@ -167,7 +169,7 @@ impl Study for SurfacesOptions {
                 found.push(match one {
                     // Steps that are too long for it say as much of a method as large errors do.
                     Err(reason @ (Error::Diverged { .. } | Error::NoConvergence { .. })) => {
-                        judge.lost(&name, Some(steps), &reason)
+                        judge.lost(&name, Some(steps), reason.to_string())
                     }
                     other => other?,
                 });
@@ -196,7 +198,7 @@ impl Study for SurfacesOptions {
             let stage = format!("surfaces of {name}, {nodes} nodes");
             found.push(context.stage(&stage, |_| match by(&initial.concat(), self.steps) {
                 Ok(orbits) => Ok(judge.of(name, Some(nodes), &orbits, judge.island(&by)?)),
-                Err(reason) => Ok::<_, Error>(judge.lost(name, Some(nodes), &reason)),
+                Err(reason) => Ok::<_, Error>(judge.lost(name, Some(nodes), reason.to_string())),
             })?);
             if context.interrupted() {
                 return Err(RunError::Interrupted);
@@ -394,7 +396,7 @@ impl Judge<'_> {
     }
 
     /// The findings on a method without orbits: NaN for each line, and no island.
-    fn lost(&self, name: &str, steps: Option<usize>, reason: &Error) -> Found {
+    fn lost(&self, name: &str, steps: Option<usize>, reason: String) -> Found {
         let lines = self.reference.count();
         Found {
             name: name.to_owned(),
@@ -404,7 +406,7 @@ impl Judge<'_> {
             surfaces: vec![[f64::NAN; 2]; lines],
             oscillation: vec![f64::NAN; lines],
             island: None,
-            failure: Some(reason.to_string()),
+            failure: Some(reason),
         }
     }
 
@@ -495,13 +497,19 @@ impl SurfacesOptions {
             let mut found = vec![first.clone()];
             for trained in &seeds[1..] {
                 let name = &trained.spec.name;
+                if let Some(reason) = &trained.lost {
+                    found.push(judge.lost(name, None, reason.clone()));
+                    continue;
+                }
                 let by = |points: &[f64], steps: usize| of_model(trained.model(), points, steps);
                 let one = context.stage(&format!("surfaces of {name}"), |_| {
                     let orbits = by(&initial, self.steps)?;
                     Ok(judge.of(name, None, &orbits, judge.island(&by)?))
                 });
                 found.push(match one {
-                    Err(reason @ Error::Diverged { .. }) => judge.lost(name, None, &reason),
+                    Err(reason @ Error::Diverged { .. }) => {
+                        judge.lost(name, None, reason.to_string())
+                    }
                     other => other?,
                 });
                 if context.interrupted() {

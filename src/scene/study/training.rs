@@ -1,11 +1,9 @@
 //! The training of each network: where it ended, how it went, how long it took.
 
-use super::shared::Study;
+use super::over_seeds::MedianAndWorst;
+use super::shared::{Study, finite};
 use crate::layer::TorusAction;
-use crate::measure::{
-    timing::Spread,
-    trajectories::{component_errors, milestones},
-};
+use crate::measure::trajectories::{component_errors, milestones};
 use crate::network::{Architecture, Layers};
 use crate::scene::bibliography::{
     ADAM, CLENSHAW, COUPLINGS, HENON_NET, JOLTS, LBFGS, MARQUARDT, SYMP_NET,
@@ -72,7 +70,7 @@ impl Study for TrainingStudy {
         let (data, models) = (context.data()?, context.all_models()?);
         let (mut results, mut by_component) = (Vec::new(), Vec::new());
         for trained in models.iter() {
-            let mut errors = match data.validation() {
+            let mut errors = match data.validation().filter(|_| trained.lost.is_none()) {
                 None => Vec::new(),
                 Some(held_out) => context.stage("held-out errors of each component", |_| {
                     component_errors(trained.model().composition(), held_out)
@@ -82,7 +80,9 @@ impl Study for TrainingStudy {
             let loss = loss_of(&options.loss, context.target()?, &data)?;
             let options = TrainingOptions { loss, ..options.clone() };
             let mut shares = Vec::new();
-            if let (Some((action, angles)), Some(held_out)) = (&data.nearest, data.validation()) {
+            if let (Some((action, angles)), Some(held_out), None) =
+                (&data.nearest, data.validation(), &trained.lost)
+            {
                 let of = ByComponent::new(errors, (action, angles), held_out, data.units.as_ref());
                 (errors, shares) = (of.errors.clone(), of.shares.clone());
                 by_component.push(Block::Heading(format!("Errors of `{}`", trained.spec.name)));
@@ -96,7 +96,10 @@ impl Study for TrainingStudy {
         let draws = context.draws(LOSS);
         let mut found = findings(&results, baseline, context.training_times(), draws);
         found.results.details.append(&mut by_component);
-        let studied: Vec<_> = models.iter().filter(|trained| !trained.spec.training_only).collect();
+        let studied: Vec<_> = models
+            .iter()
+            .filter(|trained| !trained.spec.training_only && trained.lost.is_none())
+            .collect();
         let judged = Judged {
             models: studied.iter().map(|t| (&t.spec.name[..], t.model())).collect(),
             training: &data.training,
@@ -189,6 +192,9 @@ pub(in crate::scene) struct TrainingResult {
     stages: Vec<StageResult>,
     initial_theta: Option<f64>,
     theta: Option<f64>,
+    /// Why there is no trained network.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    lost: Option<String>,
 }
 
 impl TrainingResult {
@@ -207,7 +213,7 @@ impl TrainingResult {
                 weights.iter().map(|weight| 2.0 * dof as f64 * weight).collect()
             }
         };
-        let told = |r: &TrainingRecord| {
+        let kept = |r: &TrainingRecord| {
             r.validation.is_some()
                 || (!held_out && r.iteration.is_multiple_of(options.validate_every))
         };
@@ -224,7 +230,7 @@ impl TrainingResult {
             last: outcome.history[outcome.history.len() - 1],
             loss: outcome.loss,
             best: outcome.best,
-            history: outcome.history.iter().copied().filter(told).collect(),
+            history: outcome.history.iter().copied().filter(kept).collect(),
             component_errors,
             held_out_error: trained.held_out_error,
             plain_error: trained.held_out_error.filter(|_| !loss_weights.is_empty()),
@@ -233,6 +239,7 @@ impl TrainingResult {
             stages: trained.stages.clone(),
             initial_theta: trained.initial.angle(),
             theta: model.angle(),
+            lost: trained.lost.clone(),
         }
     }
 
@@ -248,11 +255,15 @@ impl TrainingResult {
 
     /// The held-out error over that of the limiting rotation, as roots.
     fn share(&self, rotation_error: Option<f64>) -> Option<f64> {
-        Some((self.held_out_error? / rotation_error?).sqrt())
+        finite((self.held_out_error? / rotation_error?).sqrt())
     }
 
     fn facts(&self, rotation_error: Option<f64>) -> Table {
         let mut facts = Table::of_facts();
+        if let Some(reason) = &self.lost {
+            facts.fact("training", format!("lost: {reason}; no study has this network"));
+            return facts;
+        }
         facts.fact(
             "training",
             format!(
@@ -341,13 +352,13 @@ fn overview(results: &[TrainingResult], baseline: Baseline) -> Table {
         ("share of the motion beyond the rotation", Format::Percent),
     ]);
     for result in results.iter().filter(|result| result.is_first()) {
-        let validation = result.held_out_error;
+        let validation = result.held_out_error.and_then(finite);
         table.push([
             format!("`{}`", result.name).into(),
             result.parameters.into(),
             result.optimiser.into(),
             result.last.iteration.into(),
-            result.loss.into(),
+            finite(result.loss).into(),
             validation.into(),
             validation.map(f64::sqrt).into(),
             validation.map(|error| error.sqrt() / baseline.size).into(),
@@ -370,14 +381,13 @@ fn over_seeds(results: &[TrainingResult], baseline: Baseline) -> Table {
     ]);
     for first in results.iter().filter(|result| result.is_first()) {
         let of_network = results.iter().filter(|result| result.network == first.network);
-        let mut errors: Vec<f64> = of_network.filter_map(|r| r.held_out_error).collect();
+        let errors: Vec<f64> = of_network.filter_map(|r| r.held_out_error).collect();
         if errors.len() < 2 {
             continue;
         }
-        errors.sort_by(f64::total_cmp);
-        let (best, worst) = (errors[0], errors[errors.len() - 1]);
-        let Some(Spread { median, .. }) = Spread::of(errors.clone()) else { continue };
-        let share = |error: f64| Some((error / baseline.rotation_error?).sqrt());
+        let best = errors.iter().copied().min_by(f64::total_cmp).and_then(finite);
+        let MedianAndWorst { median, worst } = MedianAndWorst::of(errors.iter().copied().map(Some));
+        let share = |error: Option<f64>| Some((error? / baseline.rotation_error?).sqrt());
         table.push([
             format!("`{}`", first.network).into(),
             errors.len().into(),
@@ -417,7 +427,7 @@ fn loss(results: &[TrainingResult], times: &[TrainingTimes]) -> Figure {
     let mut against_iterations = Vec::new();
     let mut against_seconds = Vec::new();
     let mut networks: Vec<&str> = Vec::new();
-    for result in results {
+    for result in results.iter().filter(|result| result.lost.is_none()) {
         let times = times.iter().find(|times| times.model == result.name);
         let color = networks.iter().position(|name| *name == result.network).unwrap_or_else(|| {
             networks.push(&result.network);
