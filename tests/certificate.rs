@@ -45,7 +45,7 @@ fn row<'a>(
 
 #[test]
 fn random_networks_hold_with_headroom() {
-    for action in [vec![1, 0], vec![0, 1, 2], vec![1, 2, -3, 0]] {
+    for action in [vec![1, 0], vec![1, 2, -3, 0]] {
         for weights in [InitialWeights::Glorot, InitialWeights::Normal { scale: 0.5 }] {
             let models: Vec<_> = (0..4).map(|seed| gyroceptron(&action, weights, seed)).collect();
             let certificate = certify_all(&models, small(1));

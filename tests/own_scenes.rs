@@ -242,6 +242,60 @@ fn scenes_on_files_that_cannot_be_are_refused() {
 }
 
 /// The scene of the guide, as it stands there.
+/// What `train` says of pairs before it trains, a scene on them says in its report.
+#[test]
+fn a_report_says_what_is_wrong_with_pairs() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let window = Window { low: vec![-1.0; 2], high: vec![1.0; 2], samples: 150 };
+    let points = sample(&[window], 1, &mut Stream::new(1, "points")).expect("points");
+    let notes = |shrinks: f64, reversor: &str| {
+        let (sine, cosine) = libm::sincos(0.8);
+        let turned = |z: &[f64]| [cosine * z[0] + sine * z[1], cosine * z[1] - sine * z[0]];
+        let bent = |[q, p]: [f64; 2]| [shrinks * q, shrinks * (p + 0.1 * q * q)];
+        let output = points.chunks_exact(2).flat_map(|z| bent(turned(z))).collect();
+        let pairs = Pairs::new("pairs", 1, points.clone(), output).expect("finite");
+        write_pairs(&folder.path().join("pairs.npz"), &pairs).expect("written");
+        let scene = format!(
+            r#"
+            name = "own"
+            seed = 3
+            flow_time = 1.0
+            [data]
+            pairs = "pairs.npz"
+            circle_action = [1]
+            epsilon = 0.1
+            validation = 0.2
+            [[models]]
+            name = "one"
+            network = {{ kind = "normal-form"{reversor}, kicks = {{ count = 2, width = 2 }}, twists = {{ count = 1, width = 2 }} }}
+            weights = {{ kind = "normal", scale = 0.1 }}
+            [training]
+            iterations = 2
+            "#
+        );
+        std::fs::write(folder.path().join("own.toml"), scene).expect("written");
+        let output = run(folder.path(), "own.toml", "out");
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let said = String::from_utf8(output.stdout).expect("text");
+        let (text, data) = report(&folder.path().join("out"));
+        std::fs::remove_dir_all(folder.path().join("out")).expect("removed");
+        let notes = data["studies"]["pairs"]["notes"].as_array().cloned().unwrap_or_default();
+        let notes: Vec<String> =
+            notes.iter().map(|note| note.as_str().expect("a text").to_owned()).collect();
+        for note in &notes {
+            let begin = &note[..40.min(note.len())];
+            assert!(text.contains(note) && said.contains(begin), "{note} in {text}");
+        }
+        notes
+    };
+    assert_eq!(notes(1.0, ""), Vec::<String>::new());
+    let friction = notes(0.99, "");
+    let [area] = &friction[..] else { panic!("{friction:?}") };
+    assert!(area.contains("dq∧dp by 2.0e-2"), "{area}");
+    let reversed = notes(1.0, ", reversor = \"positions\"");
+    assert!(reversed.iter().any(|note| note.contains("reversible")), "{reversed:?}");
+}
+
 #[test]
 fn the_guide_shows_a_scene() {
     let chapter = include_str!("../src/guide/program.md");

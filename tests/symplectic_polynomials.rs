@@ -323,7 +323,7 @@ fn polynomials_are_certified_and_their_mutants_rejected() {
         (1, 4, &none),
         (1, 12, &none),
         (2, 3, &none),
-        (2, 7, &none),
+        (2, 5, &none),
         (2, 6, &both),
         (3, 3, &none),
         (4, 2, &none),

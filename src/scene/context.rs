@@ -15,9 +15,10 @@ use crate::error::Error;
 use crate::flow::{Pairs, ReferenceTrajectories, Trajectories, Window, orbits_of, sample_of};
 use crate::layer::Reversor;
 use crate::measure::trajectories::limiting_flow_error;
-use crate::network::Rollout;
+use crate::network::{NetworkSpec, Rollout};
 use crate::random::Stream;
 use crate::system::{Counted, Hamiltonian, NearlyPeriodic, System};
+use crate::train::Control;
 use serde_json::json;
 use std::rc::Rc;
 
@@ -163,8 +164,21 @@ impl<'a> Context<'a> {
         let reversors = &reversors[..];
         if let Some(file) = declared.file() {
             let name = format!("pairs of {}", file.pairs.display());
-            let made = self.stage(&name, |_| {
-                DataSets::of_file(file, time, declared.validation, reversors, seed)
+            let networks = self.scene.setup.models.iter().map(|model| &model.network);
+            let networks: Vec<&NetworkSpec> =
+                networks.filter(|network| !network.is_of_file()).collect();
+            let made = self.stage(&name, |context| {
+                let mut go_on = || {
+                    Ok(match context.interrupted() {
+                        true => Control::Interrupt,
+                        false => Control::Continue,
+                    })
+                };
+                let share = declared.validation;
+                match DataSets::of_file(file, time, share, &networks, seed, &mut go_on) {
+                    Err(Error::Stopped { .. }) => Err(RunError::Interrupted),
+                    made => Ok(made?),
+                }
             })?;
             return Ok(Rc::clone(self.data.insert(Rc::new(made))));
         }

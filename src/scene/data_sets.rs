@@ -1,18 +1,19 @@
 //! The pairs of a scene, from windows or of a file.
 
 use super::line_data::TracedLines;
+use super::notes::Note;
 use super::setup::{Data, FlowBy};
 use super::target_flow::{FileData, TargetFlow};
 use crate::error::Error;
 use crate::flow::{Pairs, Region};
-use crate::io::read_pairs;
+use crate::io::{PairsFile, read_pairs};
 use crate::layer::{Reversor, TorusAction};
 use crate::measure::trajectories::{limiting_flow_error, root_mean_square, rotation_error};
-use crate::network::Controls;
+use crate::network::{Controls, NetworkSpec};
 use crate::phase::{Section, Units};
 use crate::scalar::max_or_nan;
 use crate::system::{Counted, Hamiltonian, NearlyPeriodic, System};
-use crate::train::{Preparation, Prepared};
+use crate::train::{Control, Fit, FitNote, Preparation, Prepared};
 use serde::{Deserialize, Serialize};
 
 /// The pairs of a flow map, for training and held out.
@@ -36,6 +37,8 @@ pub(super) struct DataSets {
     pub(super) controls: Option<Controls>,
     /// The rotation nearest to the pairs of a file, by its angle.
     pub(super) nearest: Option<(TorusAction, Vec<f64>)>,
+    /// What is to be said of the pairs of a file.
+    pub(super) notes: Vec<String>,
 }
 
 /// Pairs of a system's flow, as a file holds them.
@@ -91,6 +94,7 @@ impl DataSets {
             rotation_error,
             controls: None,
             nearest: None,
+            notes: Vec::new(),
         }
     }
 
@@ -114,21 +118,42 @@ impl DataSets {
         Ok(Self::plain(training, held_out, reference_error, rotation_error))
     }
 
-    /// The pairs of a file, made ready as by `gyroceptron train`.
+    /// The pairs of a file for these networks, made ready as by `gyroceptron train`; `go_on` is asked whether to
+    /// continue where short trainings tell circle actions apart.
     pub(super) fn of_file(
         file: FileData<'_>,
         time: f64,
         validation: f64,
-        reversors: &[Reversor],
+        networks: &[&NetworkSpec],
         seed: u64,
+        go_on: &mut dyn FnMut() -> Result<Control, Error>,
     ) -> Result<Self, Error> {
         let place = file.pairs.display().to_string();
-        let pairs = read_pairs(file.pairs)?.pairs;
+        let PairsFile { pairs, unused, single_precision, .. } = read_pairs(file.pairs)?;
         if !pairs.conditions().is_empty() {
             let found = "epsilon, flow_time or lambda of each pair";
             return Err(Error::content(place, "pairs of one map", found));
         }
         let action = TorusAction::from(file.circle_action.clone());
+        let fit = Fit {
+            place: place.clone(),
+            action: Some(action.clone()),
+            epsilon: Some(file.epsilon),
+            flow_time: Some(time),
+            seed,
+            ..Fit::default()
+        };
+        let mut notes: Vec<String> =
+            fit.notes_on(&pairs, networks, go_on)?.iter().map(FitNote::to_string).collect();
+        if single_precision {
+            notes.push(Note::SinglePrecision.to_string());
+        }
+        if !unused.is_empty() {
+            notes.push(Note::Unused(&unused).to_string());
+        }
+        let reversors: Vec<Reversor> =
+            networks.iter().filter_map(|network| network.reversor).collect();
+        let reversors = &reversors[..];
         let preparation = Preparation {
             place: &place,
             action: &action,
@@ -150,6 +175,7 @@ impl DataSets {
         Ok(Self {
             units,
             nearest,
+            notes,
             ..Self::plain(training, held_out, reference_error, rotation_error)
         })
     }

@@ -477,6 +477,44 @@ impl Fit {
             data.pairs = self.in_charts(&data.pairs, section)?;
             notes.push(FitNote::Section(section.clone()));
         }
+        let (action, fits) = self.examine(&data, &mut notes, go_on)?;
+        let problem = self.with_circles(data, action, fits.as_ref(), notes)?;
+        let region = if self.section.is_some() { given } else { problem.region };
+        Ok(Problem { region, digest, ..problem })
+    }
+
+    /// What is to be said of pairs in canonical coordinates for each of these networks, all of which could be trained
+    /// on them: of the area form, of the order of columns and the circle action, of reversors. Asks `go_on` like
+    /// [`Fit::prepare_observed`].
+    ///
+    /// # Errors
+    /// Those of [`Fit::prepare_observed`] that concern the circle action; those of [`NetworkSpec::architecture`].
+    pub fn notes_on(
+        &self,
+        pairs: &Pairs,
+        networks: &[&NetworkSpec],
+        go_on: &mut dyn FnMut() -> Result<Control, Error>,
+    ) -> Result<Vec<FitNote>, Error> {
+        let (data, mut notes) = (FamilyPairs::from(pairs.clone()), Vec::new());
+        let (action, fits) = self.examine(&data, &mut notes, go_on)?;
+        let epsilon = Family::new(self, &data).epsilon;
+        let mut reversals: Vec<ReversalDefect> = Vec::new();
+        for network in networks {
+            let any = network.architecture(&action, epsilon, 1.0)?;
+            let of = |fits: &TwoFits| ReversalDefect::worth_saying(pairs, fits, &any);
+            reversals.extend(fits.as_ref().and_then(of).filter(|one| !reversals.contains(one)));
+        }
+        notes.extend(reversals.into_iter().map(FitNote::Reversal));
+        Ok(notes)
+    }
+
+    /// The circles of pairs in canonical coordinates, and two polynomial fits to them where there are enough.
+    fn examine(
+        &self,
+        data: &FamilyPairs,
+        notes: &mut Vec<FitNote>,
+        go_on: &mut GoOn<'_>,
+    ) -> Result<(TorusAction, Option<TwoFits>), Error> {
         let known = self.section.as_ref().map_or(0.0, Section::error);
         let fits = TwoFits::of(&data.pairs);
         let defect = match &fits {
@@ -486,11 +524,9 @@ impl Fit {
             None => form_defect_of_ends(&data.pairs, known),
         };
         notes.extend(defect.map(|defect| FitNote::Form(defect, self.section.is_some())));
-        let action = self.circles(&data, &mut notes, go_on)?;
-        notes.extend(self.better_reading(&data, &action, go_on)?.map(FitNote::Reading));
-        let problem = self.with_circles(data, action, fits.as_ref(), notes)?;
-        let region = if self.section.is_some() { given } else { problem.region };
-        Ok(Problem { region, digest, ..problem })
+        let action = self.circles(data, notes, go_on)?;
+        notes.extend(self.better_reading(data, &action, go_on)?.map(FitNote::Reading));
+        Ok((action, fits))
     }
 
     /// The problem of pairs in canonical coordinates whose circles are known; its region is that of these pairs, and

@@ -1,7 +1,7 @@
 //! Scenes in pieces: what jobs make is what a run makes.
 
 use crate::helpers::{Quiet, run_in, temporary};
-use crate::long_steps::LONG_STEPS;
+use crate::long_steps::few_rivals;
 use crate::lost;
 use crate::noise::NOISE;
 use gyroceptron::scene::{
@@ -73,15 +73,7 @@ fn with(stages: &[String], words: &str) -> usize {
 #[test]
 fn maps_of_several_flow_times_in_pieces() {
     // Rivals and tables are of no training.
-    let short = LONG_STEPS
-        .replace("tables = [{ kind = \"splines\", nodes = [5, 9] }]", "")
-        .replace(
-            "{ integrator = { kind = \"aba-1064\" }, from = 5.0, to = 2.5, factor = 2.0 },",
-            "",
-        )
-        .replace("invariant_steps = 20000", "invariant_steps = 2000")
-        .replace("rounds = 3", "rounds = 1");
-    let scene = parse("long", &short).expect("a scene");
+    let scene = parse("long", &few_rivals()).expect("a scene");
     let jobs = scene.plan().expect("a plan");
     // Pairs of three flow times, two networks at each, the report.
     assert_eq!(jobs.len(), 3 + 6 + 1);
@@ -99,7 +91,7 @@ fn maps_of_several_flow_times_in_pieces() {
 
 #[test]
 fn pairs_with_noise_in_pieces() {
-    let short = NOISE.replace("iterations = 150", "iterations = 15");
+    let short = NOISE.replace("iterations = 100", "iterations = 15");
     let stages = same_bytes(&parse("noisy", &short).expect("a scene"));
     // Networks at three levels, with a gap and without a fault, of one set of pairs.
     assert_eq!(stages.len(), 1 + 2 * 5 + 1);
@@ -160,7 +152,7 @@ fn a_plan_names_what_each_job_depends_on() {
     assert_eq!(changed("seed = 2", "seed = 3").len(), first.len());
     assert_eq!(changed("samples = 700", "samples = 600").len(), first.len());
     // All trainings, and the report.
-    assert_eq!(changed("iterations = 150", "iterations = 151").len(), first.len() - 1);
+    assert_eq!(changed("iterations = 100", "iterations = 151").len(), first.len() - 1);
     // One of two networks.
     assert_eq!(changed("layers = { count = 4", "layers = { count = 5").len(), 5 + 1);
     // The report alone.

@@ -29,7 +29,7 @@ network = { kind = "henon-net", layers = { count = 4, width = 4 } }
 weights = { kind = "normal", scale = 0.15 }
 
 [training]
-iterations = 150
+iterations = 100
 optimiser = { kind = "levenberg-marquardt" }
 
 [noise]
@@ -127,6 +127,6 @@ fn noise_that_cannot_be_is_refused() {
     with("low = 0.0, high = 2.0", "low = 2.0, high = 0.0", &["gaps", "2 … 0"]);
     with("component = 1", "component = 4", &["gaps.component", "4"]);
     with("every = 2", "every = 7", &["every", "divisor"]);
-    let ramp = "iterations = 150\nramp = [{ flow_time = 0.4, iterations = 5 }]";
-    with("iterations = 150", ramp, &["normal-form", "without a ramp"]);
+    let ramp = "iterations = 100\nramp = [{ flow_time = 0.4, iterations = 5 }]";
+    with("iterations = 100", ramp, &["normal-form", "without a ramp"]);
 }

@@ -98,7 +98,7 @@ impl Study for PairsStudy {
         if let Some((section, _)) = &data.section {
             facts.fact("section", section.describe());
         }
-        let results = Section {
+        let mut results = Section {
             details: vec![Block::Table(facts)],
             data: json!({
                 "digest": digest,
@@ -111,6 +111,11 @@ impl Study for PairsStudy {
             }),
             ..Section::default()
         };
+        if !data.notes.is_empty() {
+            let lines = data.notes.iter().map(|note| format!("- {note}\n")).collect();
+            results.summary.push(Block::Text(lines));
+            results.data["notes"] = json!(data.notes);
+        }
         Ok(Findings { title: "Pairs of the flow map".into(), results, ..Findings::default() })
     }
 }
