@@ -60,7 +60,7 @@ pub enum Error {
         supported: u64,
     },
     /// A key that no scene has.
-    #[error("{place}: unknown key `{key}`{}", nearest.as_ref().map(|n| format!(", did you mean `{n}`?")).unwrap_or_default())]
+    #[error("{place}: unknown key `{key}`{}", instead(nearest.as_deref(), known))]
     UnknownKey {
         /// The file with the unknown key, and the line where the key stands if it is found.
         place: String,
@@ -68,6 +68,8 @@ pub enum Error {
         key: String,
         /// The known key with the nearest spelling, if there is one that is near.
         nearest: Option<String>,
+        /// The keys that are known in its place.
+        known: Vec<String>,
     },
     /// A number outside its range, which includes its bounds; NaN is outside any range.
     #[error("{name}: expected {}, found {value:?}", range(*low, *high))]
@@ -179,6 +181,15 @@ pub enum Error {
         /// The size of the last change.
         change: f64,
     },
+}
+
+/// What to write instead of an unknown key.
+fn instead(nearest: Option<&str>, known: &[String]) -> String {
+    match (nearest, known) {
+        (Some(nearest), _) => format!(", did you mean `{nearest}`?"),
+        (None, []) => String::new(),
+        (None, known) => format!("; known here: {}", known.join(", ")),
+    }
 }
 
 /// The bounds of [`Error::OutOfRange`] in words.

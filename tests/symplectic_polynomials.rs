@@ -234,6 +234,20 @@ fn points_among_the_pairs_need_iterations_too() {
     assert!(certificate.holds(), "{}", certificate.summary());
 }
 
+/// Points to sample fill the box of the pairs, 1/√2 as wide about its middle: the pairs of the identity have no other
+/// frame than that of the axes.
+#[test]
+fn sampled_points_fill_their_box() {
+    let mut stream = Stream::new(5, "box");
+    let input: Vec<f64> = (0..800).map(|_| stream.uniform(1.0, 3.0)).collect();
+    let largest = |values: &[f64]| values.iter().map(|v| (v - 2.0).abs()).fold(0.0, max_or_nan);
+    let pairs = Pairs::new("pairs", 1, input.clone(), input.clone()).expect("pairs");
+    let map = SymplecticPolynomial::fit(&pairs, 3).expect("a map");
+    let points = map.sample(2000, &mut Stream::new(7, "samples")).expect("points");
+    let share = largest(&points) / largest(&input) * 2.0_f64.sqrt();
+    assert!((share - 1.0).abs() < 4e-3, "{share}");
+}
+
 /// A kick by x³/3 − xy² commutes with the reflection of the second plane, and not with that of the first.
 #[test]
 fn planes_of_mirrors_are_recommended_and_wrong_ones_said() {

@@ -379,6 +379,11 @@ fn a_circle_action_is_found() {
             }
         }
     }
+    // A plane that turns by 0.3 where the action rests: the chord of that angle, over two planes.
+    let fit = ActionFit::fit(&turning(&[0.7, 0.3], 0.0, 1)).expect("a linear map");
+    let of_first = fit.candidates.iter().find(|(action, _)| action.weights() == [1, 0]);
+    let (_, distance) = of_first.expect("tried");
+    assert!((distance - 2.0 * 0.15_f64.sin() / 2.0_f64.sqrt()).abs() < 1e-6, "{distance}");
     // Several turn these planes about alike, and nobody can tell which is meant.
     let third = std::f64::consts::TAU / 3.0;
     for angles in [vec![third, -third], vec![0.8, 1.294], vec![1.1, 1.65], vec![0.0, 0.0]] {

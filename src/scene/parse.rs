@@ -96,9 +96,11 @@ fn unknown<'a>(place: &str, text: &str, key: &str, known: impl Iterator<Item = &
                 && (after.starts_with('=') || after.starts_with(']') || after.starts_with('.'))
         })
     });
-    let nearest = nearest(key, known).map(str::to_owned);
+    let known: Vec<&str> = known.collect();
+    let nearest = nearest(key, known.iter().copied()).map(str::to_owned);
+    let known = known.into_iter().map(str::to_owned).collect();
     let place = line.map_or(place.to_owned(), |line| format!("{place}:{}", line + 1));
-    Error::UnknownKey { place, key: key.to_owned(), nearest }
+    Error::UnknownKey { place, key: key.to_owned(), nearest, known }
 }
 
 /// Reads "unknown field `key`, expected one of `a`, `b`" back into an error

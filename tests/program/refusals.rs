@@ -247,6 +247,7 @@ fn unknown_keys_are_named_with_the_nearest_known_one() {
         ("epsilon = 0.01", "epsilon = 0.01\nepsilom = 1", ["epsilom", "epsilon"]),
         ("validation", "validaton", ["validaton", "validation"]),
         ("every = 10\ninitial", "evry = 10\ninitial", ["evry", "every"]),
+        ("every = 10\ninitial", "every = 10\nwhole = 3\ninitial", ["`whole`", "known here: steps"]),
     ] {
         let folder = with_scene("bad.toml", &SCENE.replacen(from, to, 1));
         refuses(folder.path(), &["run", "bad.toml"], &["bad.toml:", words[0], words[1]]);
