@@ -73,6 +73,7 @@ fn weights_that_are_lost_do_not_end_a_scene() {
     let errors = seeds[0]["rms_errors"].as_array().expect("errors");
     assert!(errors[0].as_f64().is_some_and(|error| error > 0.0) && errors[1].is_null());
     let text = std::fs::read_to_string(folder.path().join("report.md")).expect("a report");
+    assert!(text.contains(&format!("- `some-seed-2` is lost: {reason}.")), "{text}");
     let row = text.lines().find(|line| line.starts_with("| `some` | 2 |")).expect("a row");
     let cells: Vec<&str> = row.split('|').map(str::trim).collect();
     // The median of two is that of none where one is lost.

@@ -143,6 +143,14 @@ pub(in crate::scene) fn findings(
         summary.push(Block::Text("From several initial weights:".into()));
         summary.push(Block::Table(seeds));
     }
+    let of_lost = |result: &TrainingResult| {
+        let reason = result.lost.as_ref()?;
+        Some(format!("- `{}` is lost: {reason}.\n", result.name))
+    };
+    let lost: String = results.iter().filter_map(of_lost).collect();
+    if !lost.is_empty() {
+        summary.push(Block::Text(lost));
+    }
     Findings {
         title: "Training".into(),
         results: Section { summary, details, data: json!({ "models": results }) },
