@@ -512,7 +512,13 @@ fn faults(architecture: &Architecture) -> Vec<Vec<String>> {
         let turned = matches!(layers, Layers::TurnedTwist(_)) && layers.count() > 0;
         let none_slow = turned && slow_planes(architecture) == 0;
         fault(none_slow, &[&place, name, &"turned twists, where no plane is slow"]);
-        let scaled = format!("scaled by {scale:?}");
+        let factor = match scale {
+            Scale::None => "1",
+            Scale::Epsilon => "ε",
+            Scale::Time => "h",
+            Scale::EpsilonTime => "εh",
+        };
+        let scaled = format!("scaled by {factor}");
         fault(*part == Part::Conjugation && *scale != Scale::None, &[&place, name, &scaled]);
         fault(*part == Part::SlowMap && !is_twist(block), &[&place, name, &layers.words()]);
         let has_epsilon = matches!(scale, Scale::Epsilon | Scale::EpsilonTime);

@@ -193,12 +193,12 @@ fn bounds_of_the_way_back_are_those_of_a_contraction() {
     let there = TrackedStep { map: Shrink, direction: Direction::Forward };
     let steps: MeasuredSteps<'_> = vec![Box::new(there)];
     let propagation = RoundingPropagation::new(&steps, &[2.0, 3.0]);
-    let (bounds, sums) = propagation.return_bounds(1);
+    let (scales, sums) = propagation.return_scales(1);
     let mut delta = [0.0; 2];
     steps[0].value_magnitude(&[2.0, 3.0], propagation.end(), &mut delta);
     assert!(delta[1] > 0.25, "{delta:?}");
     let expected = 10.0 * delta[1];
-    assert!((bounds[1] / (2_f64.sqrt() * expected) - 1.0).abs() < 1e-12, "{bounds:?}");
+    assert!((scales[1] / (2_f64.sqrt() * expected) - 1.0).abs() < 1e-12, "{scales:?}");
     assert!((sums[1] / (2.0 * expected) - 1.0).abs() < 1e-12, "{sums:?}");
     let certificate = certify_map(&OneStep(Shrink), OPTIONS);
     let of = |law: &str| certificate.rows.iter().find(|row| row.law.contains(law)).expect("a row");

@@ -12,6 +12,8 @@ use gyroceptron::train::{
     TrainingObserver, TrainingStage,
 };
 
+use std::f64::consts::TAU;
+
 const EPSILON: f64 = 0.02;
 
 fn pairs(count: usize, time: f64, seed: u64) -> Pairs {
@@ -384,7 +386,7 @@ fn a_training_sees_past_whole_turns() {
     let reason = interleaved.expect_err("columns in another order").to_string();
     assert!(reason.contains("circle action 1,0 as q1 p1 q2 p2"), "{reason}");
     assert!(reason.contains("[0, 2, 1, 3]"), "{reason}");
-    // It can be stopped, and of a few pairs nothing is trained.
+    // It can be stopped.
     let mut asked = 0;
     let mut stop = || {
         asked += 1;
@@ -395,9 +397,46 @@ fn a_training_sees_past_whole_turns() {
     let mut broken = || Err(Error::invalid("watch", "broken", "whole"));
     let error = fit.prepare_observed(pairs.clone(), &mut broken).expect_err("it is broken");
     assert!(error.to_string().contains("broken"), "{error}");
-    let few = fit.prepare(pairs.thinned(90)).expect("the rotation is sure").notes;
-    let found = |note: &FitNote| matches!(note, FitNote::Action(trial) if trial.errors.is_empty());
-    assert!(few.iter().any(found), "{few:?}");
+    // Of few pairs nothing is trained, and none is chosen; who gives the right one is not sent elsewhere.
+    let few = pairs.thinned(90);
+    let reason = fit.prepare(few.clone()).expect_err("the rotation alone is not sure").to_string();
+    assert!(reason.contains("none for sure") && reason.contains("100 pairs"), "{reason}");
+    let given = Fit { action: Some(right.clone()), ..fit.clone() };
+    assert!(!given.prepare(few).expect("a given action").notes.iter().any(is_reading));
+}
+
+/// Three planes, the first of which goes round whole turns: the nearest rotation is sure of a wrong action, which is
+/// neither chosen nor named to who gives the right one.
+#[test]
+fn whole_turns_of_one_of_three_planes_are_no_action() {
+    // The fast plane turns by 3 whole turns and 1.2, the others by 0.6: near 2, 1, 1.
+    let mut stream = Stream::new(8, "three planes");
+    let (mut input, mut output) = (Vec::new(), Vec::new());
+    for _ in 0..200 {
+        let z: [f64; 6] = std::array::from_fn(|_| stream.uniform(-1.0, 1.0));
+        let action = 0.5 * (z[0] * z[0] + z[3] * z[3]);
+        // Each part of the map is exact.
+        let mut w = z;
+        for (plane, angle) in [(0, TAU * 3.0 + 1.2 + 0.1 * (action - 0.4)), (1, 0.6), (2, 0.6)] {
+            let (s, c) = angle.sin_cos();
+            let (q, p) = (w[plane], w[plane + 3]);
+            (w[plane], w[plane + 3]) = (c * q + s * p, c * p - s * q);
+        }
+        w[4] -= 0.05 * w[1].powi(3);
+        w[5] -= 0.05 * w[2].powi(3);
+        input.extend(z);
+        output.extend(w);
+    }
+    let pairs = Pairs::new("three planes", 3, input, output).expect("pairs");
+    let by_rotation = ActionFit::fit(&pairs).expect("a linear map");
+    assert!(by_rotation.is_sure(), "{}", by_rotation.describe());
+    assert_eq!(by_rotation.action(), &CircleAction::new([2, 1, 1]));
+    let reason = Fit::default().prepare(pairs.clone()).expect_err("not sure").to_string();
+    assert!(reason.contains("with 1,0,0") && reason.contains("with 2,1,1"), "{reason}");
+    let right = TorusAction::from(CircleAction::new([1, 0, 0]));
+    let given = Fit { action: Some(right), ..Fit::default() };
+    let notes = given.prepare(pairs).expect("a given action").notes;
+    assert!(!notes.iter().any(|note| matches!(note, FitNote::Reading(_))), "{notes:?}");
 }
 
 /// What a training ended for because it was at rest does not lack iterations, however its last losses fell.

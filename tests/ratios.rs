@@ -152,7 +152,7 @@ fn bounds_of_a_walk_are_the_errors_of_its_steps_carried_to_an_end() {
     assert_eq!((propagation.dim(), propagation.end()), (2, &[4.0, 15.0][..]));
     assert_eq!(propagation.jacobian(), faer::mat![[2.0, 1.0], [7.0, 4.0]].as_ref());
     // Behind the first step there is the second, behind that nothing.
-    let (squares, sums) = propagation.value_bounds();
+    let (squares, sums) = propagation.value_scales();
     for (found, expected) in squares.iter().zip([58.0_f64, 196.0]) {
         close(*found, expected.sqrt(), 1e-14);
     }
@@ -160,14 +160,14 @@ fn bounds_of_a_walk_are_the_errors_of_its_steps_carried_to_an_end() {
         close(*found, expected, 1e-14);
     }
     // J₁⁻¹ = (1, −1; −1, 2) and J₂⁻¹ = (4, −1; −7, 2).
-    let (squares, sums) = propagation.return_bounds(2);
+    let (squares, sums) = propagation.return_scales(2);
     for (found, expected) in squares.iter().zip([8.0_f64.hypot(28.0), 13.0_f64.hypot(49.0)]) {
         close(*found, SQRT_2 * expected, 1e-14);
     }
     for (found, expected) in sums.iter().zip([2.0 * 36.0, 2.0 * 62.0]) {
         close(*found, expected, 1e-14);
     }
-    let (_, sums) = propagation.return_bounds(1);
+    let (_, sums) = propagation.return_scales(1);
     close(sums[0], 2.0 * 8.0, 1e-14);
 }
 
@@ -282,7 +282,7 @@ fn a_map_that_does_not_commute_is_measured_by_both_ways() {
     let (sine, cosine) = angle.sin_cos();
     // Both turn by the same; the map stretches p by 1e-9 more.
     let error = [1e-9 * sine * z[1], 1e-9 * sine * z[0]];
-    let (first, last) = (of_turn.value_bounds().0, after.value_bounds().0);
+    let (first, last) = (of_turn.value_scales().0, after.value_scales().0);
     let delta = chain.there[0].delta;
     let mut largest = 0.0_f64;
     for k in 0..2 {

@@ -303,6 +303,17 @@ fn reversals(fit: &Fit, pairs: &Pairs) -> Vec<ReversalDefect> {
     problem.notes.iter().filter_map(of).collect()
 }
 
+/// What both fits have in common, such as errors of the pairs, is no sign of another map.
+#[test]
+fn little_of_the_motion_is_no_other_map() {
+    let of = |median: f64, resolution: f64| {
+        ReversalDefect { reversor: Reversor::Positions, median, resolution }.is_seen()
+    };
+    assert!(!of(0.9e-9, 1e-13) && of(1.1e-9, 1e-13));
+    assert!(!of(4.9e-6, 1e-6) && of(5.1e-6, 1e-6));
+    assert!(of(f64::NAN, 1e-6));
+}
+
 /// Pairs that are reversible are recognised where a network could be so without giving up an
 /// invariant, and those that are not where it is so.
 #[test]

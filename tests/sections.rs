@@ -406,6 +406,53 @@ fn bad_coils_are_refused() {
     let odd = Torsatron { periods: 5, ..Torsatron::default() };
     let text = said(odd.coils().expect_err("no multiple"));
     assert!(text.contains("multiple of 2"), "{text}");
+    // A coil once more, a whole machine, and a current that the symmetry turns round.
+    let refused = |coils: Vec<Coil>, periods: u32, stellarator_symmetric: bool| {
+        let set = CoilSet { coils, periods, stellarator_symmetric };
+        said(set.all().expect_err("no such machine"))
+    };
+    let text = refused(vec![ring(), ring()], 1, false);
+    assert!(text.contains("coil 1 and coil 2 on one curve"), "{text}");
+    let windings = Torsatron::default().coils().expect("sound").coils;
+    let text = refused(windings.clone(), 10, false);
+    assert!(text.contains("coil 1, an image of which is coil 2"), "{text}");
+    let facing: Vec<[f64; 3]> =
+        (0..8).map(|k| TAU * k as f64 / 8.0).map(|t| [3.0, t.cos(), t.sin()]).collect();
+    let text = refused(vec![Coil::of_points(&facing, 1.0).expect("a coil")], 5, true);
+    assert!(text.contains("coil 1, an image of which is itself against its current"), "{text}");
+    // Of one winding a period makes the other; of the rings nothing more.
+    let of_period = vec![windings[0].clone(), windings[2].clone(), windings[3].clone()];
+    for stellarator_symmetric in [false, true] {
+        let set = CoilSet { coils: of_period.clone(), periods: 10, stellarator_symmetric };
+        match (stellarator_symmetric, set.all()) {
+            (false, all) => {
+                let all = CoilField::new(&all.expect("coils"), 120).expect("a field");
+                let [one, two]: [[f64; 3]; 2] =
+                    [&all, &torsatron(120)].map(|field| field.at([3.8, 0.7, 0.1]));
+                let apart = one.iter().zip(two).map(|(a, b)| (a - b).abs());
+                assert!(apart.fold(0.0, max_or_nan) < 1e-12, "{one:?} {two:?}");
+            }
+            // Half a turn about the x axis takes a ring to the other.
+            (true, all) => {
+                let text = said(all.expect_err("rings twice"));
+                assert!(text.contains("coil 2, an image of which is coil 3"), "{text}");
+            }
+        }
+    }
+    // Points that come back by themselves, and that go to and fro.
+    let mut closed: Vec<[f64; 3]> =
+        (0..40).map(|k| TAU * f64::from(k) / 39.0).map(|t| [3.0 + t.cos(), 0.0, t.sin()]).collect();
+    closed[39] = closed[0];
+    let text = said(Coil::of_points(&closed, 1.0).expect_err("closed twice"));
+    assert!(text.contains("the first one again"), "{text}");
+    closed.pop();
+    assert!(Coil::of_points(&closed, 1.0).is_ok());
+    let zigzag: Vec<[f64; 3]> = (0..40)
+        .map(|k| (TAU * f64::from(k) / 40.0, if k % 2 == 0 { 1.02 } else { 0.98 }))
+        .map(|(t, radius)| [3.0 + radius * t.cos(), 0.0, radius * t.sin()])
+        .collect();
+    let text = said(Coil::of_points(&zigzag, 1.0).expect_err("no curve"));
+    assert!(text.contains("to and fro"), "{text}");
     // Near a coil, and where the field turns round.
     let field = CoilField::new(&[ring()], 64).expect("a field");
     let text = said(field.check_at([1.01, 0.0], 0.0, 1.0).expect_err("too near"));
@@ -427,9 +474,9 @@ fn coils_are_read_from_text() {
     assert_eq!(set.coils[1].at(0.25).0.map(|v| (v * 1e15).round() / 1e15), [3.0, 0.0, 1.0]);
     let field = CoilField::new(&set.all().expect("coils"), 64).expect("a field");
     let ring = CoilField::new(&[ring()], 64).expect("a field");
-    // Two periods, twice the same ring; the other carries nothing.
+    // The ring is its own image; the other carries nothing.
     let [one, two]: [[f64; 3]; 2] = [&ring, &field].map(|field| field.at([0.2, 0.1, 0.3]));
-    assert!(one.iter().zip(two).all(|(a, b)| (2.0 * a - b).abs() < 1e-21), "{one:?} {two:?}");
+    assert!(one.iter().zip(two).all(|(a, b)| (a - b).abs() < 1e-21), "{one:?} {two:?}");
     let said = |text: &str, currents: &[f64]| {
         parse_coils("coils.dat", text.as_bytes(), currents, 1, false).expect_err("bad").to_string()
     };
@@ -483,6 +530,15 @@ fn charts_integrate_the_density_and_come_back() {
 
 #[test]
 fn charts_of_tables_say_their_error() {
+    // Of noise, and of a step of a twentieth, which is as smooth as the note on it says.
+    let nodes: Vec<f64> = (0..32).map(f64::from).collect();
+    let mut stream = Stream::new(5, "rough");
+    let rough: Vec<f64> = (0..32 * 32).map(|_| 1.0 + stream.uniform(-0.4, 0.4)).collect();
+    let refused = AreaDensity::of_grid(&nodes, &nodes, &rough, 1.0).expect_err("rough").to_string();
+    assert!(refused.contains("density") && refused.contains("smooth"), "{refused}");
+    let step: Vec<f64> = (0..32 * 32).map(|k| if k % 32 < 16 { 1.0 } else { 1.05 }).collect();
+    let chart = AreaDensity::of_grid(&nodes, &nodes, &step, 1.0).expect("a chart");
+    assert!(chart.error() > 1e-3 && chart.error() < 0.1, "{}", chart.error());
     let grid = |count: usize, low: f64, high: f64| -> Vec<f64> {
         (0..count).map(|k| low + (high - low) * k as f64 / (count - 1) as f64).collect()
     };
@@ -1543,6 +1599,49 @@ fn sections_find_their_axis_and_keep_the_flux() {
     assert!(
         chart.error() < 1e-12 && chart.planes()[0].as_ref().expect("one").contains(axis[0], 0.0)
     );
+}
+
+/// Whole turns about the axis are counted: a map of a turn has ten times those of a map of a period, more than the half
+/// that its Jacobian knows, and as many as the angle of a line grows by from period to period.
+#[test]
+fn turns_of_long_maps_are_whole_turns_and_a_part() {
+    let coils = Torsatron::default().coils().expect("sound").all().expect("coils");
+    let guess = Some([3.957_531_97, 0.0]);
+    let [period, turn] = [1.0, 10.0].map(|periods| {
+        let request = LineRequest { angle: PERIOD * periods, error: 1e-6, guess, ..request() };
+        LineSection::new(&coils, request).expect("a section")
+    });
+    let axis = period.axis();
+    assert!(period.turns().abs() < 0.5 && turn.turns().abs() > 0.5, "{}", turn.turns());
+    let apart = (turn.turns() - 10.0 * period.turns()).abs();
+    assert!(apart < 1e-6, "{apart:e}");
+    // In the mean over many turns: of one the angle depends on where the line is.
+    let periods = 1000;
+    let line = period.map().trajectories(&[axis[0] + 1e-4, axis[1]], periods).expect("a line");
+    let angles: Vec<f64> =
+        { line.chunks_exact(2) }.map(|z| libm::atan2(z[1] - axis[1], z[0] - axis[0])).collect();
+    let growth: f64 = angles.windows(2).map(|pair| libm::remainder(pair[1] - pair[0], TAU)).sum();
+    let mean = growth / TAU / (periods as f64 - 1.0);
+    assert!((mean - period.turns()).abs() < 1e-3, "{mean} and {}", period.turns());
+}
+
+/// A line that is lost some maps later than the points where fields of more and fewer points are compared.
+#[test]
+fn a_reach_beyond_the_surfaces_is_said_with_its_place() {
+    let coils = Torsatron::default().coils().expect("sound").all().expect("coils");
+    for reach in [0.25, 0.26] {
+        let request = LineRequest { reach, guess: Some([3.95, 0.0]), error: 1e-4, ..request() };
+        match LineSection::new(&coils, request) {
+            Ok(section) => assert!(section.error() < 1e-4, "{reach}"),
+            Err(error) => {
+                let text = error.to_string();
+                assert!(text.contains("reach") && text.contains("(R, Z) = ("), "{reach}: {text}");
+            }
+        }
+    }
+    let far = LineRequest { phi: 1e300, ..request() };
+    let text = LineSection::new(&coils, far).expect_err("no angle").to_string();
+    assert!(text.contains("phi"), "{text}");
 }
 
 /// A map over some of the periods, which are no whole part of a turn: its coils too have points that the map takes to

@@ -210,11 +210,11 @@ pub fn literal_formula(model: &Model, map: &dyn Measurable, points: &[f64]) -> T
     let steps = map.measured_steps(Direction::Forward);
     let results = points.chunks_exact(2 * map.dof()).map(|z| {
         let propagation = RoundingPropagation::new(&steps, z);
-        let (bounds, _) = propagation.value_bounds();
+        let (scales, _) = propagation.value_scales();
         let reference = bounded(network, z, 0);
         let size = z.iter().map(|v| v.abs()).fold(1.0, max_or_nan);
         let entries = (0..z.len()).map(|i| {
-            let bound = u * bounds[i] + reference[i].re.error();
+            let bound = u * scales[i] + reference[i].re.error();
             (propagation.end()[i] - reference[i].re.value, bound, size)
         });
         worst_of(entries)

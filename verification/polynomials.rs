@@ -221,10 +221,10 @@ fn literal_formula(kicked: &Kicked<'_>, points: &[f64]) -> Tally {
         for direction in DIRECTIONS {
             let steps = kicked.measured_steps(direction);
             let propagation = RoundingPropagation::new(&steps, z);
-            let (bounds, _) = propagation.value_bounds();
+            let (scales, _) = propagation.value_scales();
             for (i, exact) in kicked.exact(direction, z).into_iter().enumerate() {
                 let error = (propagation.end()[i] - exact).abs();
-                let ratio = error / (f64::unit_roundoff() * bounds[i]);
+                let ratio = error / (f64::unit_roundoff() * scales[i]);
                 largest = max_or_nan(largest, if error == 0.0 { 0.0 } else { ratio });
             }
         }

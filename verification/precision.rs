@@ -92,8 +92,8 @@ fn inversion<S: Over<f64> + Real>(
         let mut w: Vec<S> = z.iter().map(|&v| S::from_f64(v)).collect();
         map.forward(&mut w);
         back.inverse(&mut w);
-        let (bounds, _) = RoundingPropagation::new(&steps, z).value_bounds();
-        for ((moved, start), bound) in w.iter().zip(z).zip(bounds) {
+        let (scales, _) = RoundingPropagation::new(&steps, z).value_scales();
+        for ((moved, start), bound) in w.iter().zip(z).zip(scales) {
             let ratio = (*moved - S::from_f64(*start)).value() / bound;
             sum += ratio * ratio;
             count += 1;
@@ -220,8 +220,8 @@ fn wrong_by(error: f64) -> [f64; 3] {
         let mut w: Vec<DoubleDouble> = z.iter().map(|&v| DoubleDouble::from_f64(v)).collect();
         map.forward(&mut w);
         long.composition().inverse(&mut w);
-        let (bounds, _) = RoundingPropagation::new(&steps, z).value_bounds();
-        let ratio = |i: usize| (w[i] - DoubleDouble::from_f64(z[i])).value() / bounds[i];
+        let (scales, _) = RoundingPropagation::new(&steps, z).value_scales();
+        let ratio = |i: usize| (w[i] - DoubleDouble::from_f64(z[i])).value() / scales[i];
         (0..z.len()).map(|i| ratio(i) * ratio(i)).sum::<f64>()
     };
     let sum: f64 = points.chunks_exact(2 * DOF).map(residual).sum();

@@ -135,7 +135,8 @@ pub struct CoilArguments {
         requires = "coils"
     )]
     pub currents: Vec<f64>,
-    /// The field periods of the machine: turned by a period its coils are all there.
+    /// N, the field periods of the machine. The file holds the coils of one of them, or of half of one with stellarator
+    /// symmetry; the others are turned images. Of the coils of a whole machine N is 1, with --asymmetric.
     #[arg(help_heading = "Coils", long, value_name = "N", requires = "coils")]
     pub field_periods: Option<u32>,
     /// Half a turn about the x axis is no symmetry of the machine: the coils of a whole period are in the file.
@@ -392,7 +393,7 @@ pub struct Train {
     /// the iterations were done and --resume can go on.
     #[arg(long, value_name = "FILE.json", default_value = "model.json")]
     pub output: PathBuf,
-    /// ε of the near-identity part [default: the largest of the pairs, or 0.01].
+    /// ε of the near-identity part [default: that of the pairs with the largest magnitude, or 0.01].
     #[arg(long, allow_negative_numbers = true)]
     pub epsilon: Option<f64>,
     /// θ to start from, in radians [default: the rotation nearest to the data].

@@ -152,11 +152,11 @@ fn with_coils(scene: Scene, arguments: &CoilArguments) -> Result<Scene, Error> {
         return Err(Error::invalid("--coils, --section-at, --reach or --axis", name, expected));
     }
     let (scene, left) = scene.without_models_that_need_a_mirror();
-    for model in left {
-        line(&format!(
-            "model {model} is left out: it is reversible, and maps of this section are not; those of the sections at 0 \
-             and 0.5 of coils with stellarator symmetry are"
-        ));
+    let why = "maps of this section are not reversible; those of the sections at 0 and 0.5 of coils with stellarator \
+               symmetry are";
+    left.left.iter().for_each(|what| line(&format!("{what} is left out: {why}")));
+    for model in &left.plain {
+        line(&format!("model {model} is trained without its reversor: {why}"));
     }
     Ok(scene)
 }
@@ -175,13 +175,13 @@ fn scenes(as_json: bool, show: Option<&str>) -> Result<Status, Error> {
             rows.iter().map(|(name, title)| json!({ "name": name, "title": title })).collect();
         json(&list)?;
     } else {
-        /// The letters of a name and the space behind it.
-        const NAME: usize = 21;
+        // The letters of a name and the space behind it.
+        let width = rows.iter().map(|(name, _)| name.len() + 1).max().unwrap_or(0);
         for (name, title) in rows {
             // A line for each, where another program reads them.
-            let letters = width_of_terminal().unwrap_or(usize::MAX).saturating_sub(NAME);
+            let letters = width_of_terminal().unwrap_or(usize::MAX).saturating_sub(width);
             let lines = wrapped(&title, letters);
-            out(&format!("{name:NAME$}{}\n", lines.join(&format!("\n{:NAME$}", ""))))?;
+            out(&format!("{name:width$}{}\n", lines.join(&format!("\n{:width$}", ""))))?;
         }
     }
     Ok(Status::Done)

@@ -7,7 +7,7 @@ use super::output::{json, out};
 use super::progress::line;
 use super::status::Status;
 use gyroceptron::Error;
-use gyroceptron::flow::{PolynomialExit, Trajectories};
+use gyroceptron::flow::{PolynomialExit, SectionExit, Trajectories};
 use gyroceptron::io::{StoredMap, load_map, read_points, read_trajectories, write_points};
 use gyroceptron::measure::timing::root_mean_square_distance;
 use gyroceptron::network::{Course, Pace, Rollout};
@@ -107,11 +107,11 @@ pub fn predict(arguments: &Predict) -> Result<Status, Error> {
     let mut pace = Pace::unbroken();
     let rolled = match &map {
         StoredMap::Network(stored) => {
-            let rolled = stored.rollout_along(course, &initial, request, &mut pace);
+            let rolled = stored.rollout_until_lost(course, &initial, request, &mut pace);
             rolled.map(|rolled| (rolled.states, rolled.is_exact))
         }
         StoredMap::Polynomial(stored) => {
-            let states = stored.rollout_along(direction, &initial, request, &mut pace);
+            let states = stored.rollout_until_lost(direction, &initial, request, &mut pace);
             states.map(|states| (states, false))
         }
     };
@@ -134,17 +134,23 @@ pub fn predict(arguments: &Predict) -> Result<Status, Error> {
     let beyond = network.filter(|_| asked);
     let beyond =
         beyond.and_then(|stored| stored.leaves_polynomials(&values, points, request.every));
-    let told = left.iter().zip(region).map(|(left, region)| left.describe(region));
-    let told: Vec<String> = told.chain(beyond.iter().map(PolynomialExit::describe)).collect();
-    told.iter().for_each(|text| line(&format!("note: {text}")));
+    let lost = SectionExit::of(&values, dof, points, request.every);
+    let lost = lost.filter(|_| asked && map.has_section());
+    let exits: Vec<String> = { left.iter().zip(region) }
+        .map(|(left, region)| left.describe(region, map.has_section()))
+        .chain(lost.iter().map(SectionExit::describe))
+        .chain(beyond.iter().map(PolynomialExit::describe))
+        .collect();
+    exits.iter().for_each(|text| line(&format!("note: {text}")));
     of_controls.iter().for_each(|text| line(&format!("note: {text}")));
     let beyond_range = of_controls.as_ref().is_some_and(ControlsNote::is_outside);
-    if (beyond_range || !told.is_empty()) && arguments.outside == Outside::Stop {
+    if (beyond_range || !exits.is_empty()) && arguments.outside == Outside::Stop {
         line("nothing is written");
         if arguments.common.json {
             let left = json!({
                 "output": null,
                 "outside": left,
+                "outside_section": lost,
                 "outside_polynomials": beyond,
                 "outside_controls": beyond_range,
             });
@@ -167,6 +173,7 @@ pub fn predict(arguments: &Predict) -> Result<Status, Error> {
             "compared": apart,
             "invariant": arguments.invariant.as_ref().map(|file| file.display().to_string()),
             "outside": left,
+            "outside_section": lost,
             "outside_polynomials": beyond,
             "outside_controls": beyond_range,
             "grid": course.grid.map(|grid| json!({

@@ -12,12 +12,12 @@ use gyroceptron::layer::Reversor;
 use gyroceptron::network::{Controls, LayerSizes};
 use gyroceptron::scene::render::terminal;
 use gyroceptron::scene::{
-    Folder, NextStep, Note, Observer, OwnTraining, Scene, TrainingTimes, next_command,
+    Folder, NextStep, Note, Observer, OwnTraining, Scene, TrainingTimes, next_command, quoted,
 };
 use gyroceptron::train::{
     ActionTrial, Checkpoint, Control, ControlOptions, Fit, FitNote, FitOptions, Loss, Optimiser,
     Problem, Progress as TrainingProgress, Recipe, Stop, TrainingObserver, TrainingOptions,
-    TrainingStage,
+    TrainingStage, Trust,
 };
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -59,7 +59,7 @@ fn options(arguments: &Train) -> Result<FitOptions, Error> {
     };
     Ok(FitOptions {
         architecture: arguments.architecture.clone(),
-        blocks: Vec::new(),
+        blocks: None,
         sizes: arguments.sizes().map(size).collect::<Result<_, Error>>()?,
         radius: arguments.radius,
         reversor: reversor.map_err(|e| e.with_place(option_of("reversor")))?,
@@ -124,7 +124,7 @@ fn beside(model: &Path, addition: &str, ending: bool) -> PathBuf {
 fn command(arguments: &Train, problem: &Problem, theta: Option<f64>) -> String {
     let mut out = format!(
         "gyroceptron train --data {} --circle-action {} --validation {} --seed {}",
-        arguments.data.display(),
+        quoted(&arguments.data.display().to_string()),
         problem.action,
         arguments.validation,
         arguments.seed
@@ -153,7 +153,7 @@ fn command(arguments: &Train, problem: &Problem, theta: Option<f64>) -> String {
         out.push_str(" --units data");
     }
     if let Some(section) = &arguments.section {
-        out.push_str(&format!(" --section {}", section.display()));
+        out.push_str(&format!(" --section {}", quoted(&section.display().to_string())));
     }
     format!(
         "`{out} --output MODEL.json --scene as-run.toml` with the file of that name beside this report, the same pairs"
@@ -346,6 +346,15 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
         let at = at.map(|values| format!(" --at {values}")).unwrap_or_default();
         next_command(&typed, step, &arguments.output) + &at
     };
+    let trust = match arguments.common.json {
+        true => {
+            let judgement = fitted.judgement()?;
+            let (trust, next) = (judgement.trust(), next(NextStep::of(&fitted, &judgement)));
+            let Trust { verdict, error, reasons } = trust;
+            Some(json!({ "verdict": verdict, "error": error, "reasons": reasons, "next": next }))
+        }
+        false => None,
+    };
     let report = OwnTraining { name, fitted, times, command, next }
         .report(&Folder::open_report(&report_folder, true)?)?;
     checkpoints.remove_after(stop)?;
@@ -356,6 +365,7 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
             "parameters": parameters,
             "stop": stop,
             "best": best,
+            "trust": trust,
             "theta": match &angles[..] {
                 [theta] => Some(theta),
                 _ => None,

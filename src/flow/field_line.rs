@@ -204,10 +204,11 @@ impl<'a> LineMap<'a> {
         let distance = self.field.distance([place[0] * cos, place[0] * sin, place[1]]);
         if distance < self.field.resolved_from() {
             let expected = format!(
-                "a place {:.3e} m or more from a coil: it is {distance:.3e} m from one",
+                "a place off the coils: it is {distance:.3e} m from a coil, and the field of points along coils is \
+                 theirs from {:.3e} m on",
                 self.field.resolved_from()
             );
-            let found = format!("(R, Z) = ({}, {})", place[0], place[1]);
+            let found = format!("(R, Z) = ({:.6}, {:.6})", place[0], place[1]);
             return Err(Error::invalid("where the search ends", found, expected).with_place(what));
         }
         Err(Error::NoConvergence { what, iterations: STEPS, change: size })

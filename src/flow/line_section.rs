@@ -77,7 +77,9 @@ impl LineSection {
     ) -> Result<Self, Error> {
         let mut pause = || pace.pause("field lines", 1);
         const LEAST_ERROR: f64 = 1e-13;
-        Error::check_finite("phi", request.phi)?;
+        /// Further round an angle is not known to the error of a map.
+        const MOST_PHI: f64 = 1e3;
+        Error::check_range("phi", request.phi, -MOST_PHI, MOST_PHI)?;
         Error::check_range("angle", request.angle, Error::LEAST_POSITIVE, f64::MAX)?;
         Error::check_range("reach", request.reach, Error::LEAST_POSITIVE, f64::MAX)?;
         Error::check_range("error", request.error, LEAST_ERROR, 1.0)?;
@@ -134,6 +136,10 @@ impl LineSection {
                 break;
             }
             if more > MOST_POINTS {
+                let ends = places.chunks_exact(2).zip(after.chunks_exact(2));
+                if let Some((place, _)) = { ends }.find(|(_, end)| !end[0].is_finite()) {
+                    return Err(lost_from([place[0], place[1]], axis));
+                }
                 let what = "the field of coils".into();
                 return Err(Error::NoConvergence { what, iterations: more, change: moved });
             }
@@ -207,12 +213,26 @@ impl LineSection {
         self.axis
     }
 
-    /// The number of turns about the axis that a nearby line makes in one map, positive from R towards Z, at most ½ in
-    /// size; NaN where the axis is hyperbolic.
+    /// The number of turns about the axis that a nearby line makes in one map, in the mean over many maps, positive
+    /// from R towards Z; NaN where the axis is hyperbolic. The Jacobian of the map has it up to whole turns, which are
+    /// counted along the steps of the map: any nearby line turns by less than half a turn more or less in one map.
     pub fn turns(&self) -> f64 {
-        let (_, [[a, _], [c, d]]) = self.map().with_jacobian(self.axis);
+        let map = self.map();
+        let (_, [[a, _], [c, d]]) = map.with_jacobian(self.axis);
         let turns = libm::acos(0.5 * (a + d)) / TAU;
-        if c < 0.0 { -turns } else { turns }
+        let turns = if c < 0.0 { -turns } else { turns };
+        let step = map.angle() / map.steps() as f64;
+        let (mut place, mut beside, mut angle) = (self.axis, [1.0, 0.0], 0.0);
+        for number in 0..map.steps() {
+            let (image, [[a, b], [c, d]]) =
+                map.part(number as f64 * step, step).with_jacobian(place);
+            let [x, y] = beside;
+            beside = [a * x + b * y, c * x + d * y];
+            let [u, v] = beside;
+            angle += libm::atan2(x * v - y * u, x * u + y * v);
+            place = image;
+        }
+        turns + (angle / TAU - turns).round()
     }
 
     /// The error of the map on lines between the axis and the reach, in metres.
@@ -291,6 +311,14 @@ impl LineSection {
     }
 }
 
+/// The turns k ± α of a map about a fixed point with this trace, 2cos 2πα = Tr M, that are nearest to `near`, and the
+/// sign of α. NaN where lines leave it.
+pub(crate) fn turns_of_trace(trace: f64, near: f64) -> (f64, f64) {
+    let part = libm::acos(0.5 * trace) / TAU;
+    let [plus, minus] = [1.0, -1.0].map(|sign| ((near - sign * part).round() + sign * part, sign));
+    if (minus.0 - near).abs() < (plus.0 - near).abs() { minus } else { plus }
+}
+
 fn starts(axis: [f64; 2], reach: f64, lines: usize) -> Vec<f64> {
     let radius = |k: usize| reach * libm::sqrt(k as f64 / lines as f64);
     (1..=lines).flat_map(|k| [axis[0] + radius(k), axis[1]]).collect()
@@ -302,23 +330,27 @@ fn check_kept(map: &LineMap<'_>, axis: [f64; 2], starts: &[f64]) -> Result<(), E
     let pairs = starts.chunks_exact(2).zip(images.chunks_exact(2));
     match pairs.into_iter().find(|(_, image)| !image[0].is_finite()) {
         None => Ok(()),
-        Some((start, _)) => {
-            let found = format!("a line from (R, Z) = ({}, {}) that is lost", start[0], start[1]);
-            let [radius, height] = axis;
-            let expected =
-                format!("a shorter one: about the axis at ({radius}, {height}) lines stay");
-            Err(Error::invalid("reach", found, expected))
-        }
+        Some((start, _)) => Err(lost_from([start[0], start[1]], axis)),
     }
 }
 
-/// Points along a few lines, where fields of more and fewer points are compared: they go round the section.
+fn lost_from([r, z]: [f64; 2], axis: [f64; 2]) -> Error {
+    let found = format!("a line from (R, Z) = ({r:.6}, {z:.6}) that is lost");
+    let [radius, height] = axis;
+    let expected =
+        format!("a shorter one: about the axis at ({radius:.6}, {height:.6}) lines stay");
+    Error::invalid("reach", found, expected)
+}
+
+/// Points along a few lines, where fields of more and fewer points are compared: they go round the section. Those of
+/// lines that are lost in the next map, later than in the first one, which was calibrated, are none of them.
 fn judged(map: &LineMap<'_>, starts: &[f64]) -> Result<Vec<f64>, Error> {
-    const MAPS: usize = 8;
+    const MAPS: usize = 9;
     let mut points = starts.to_vec();
     points.extend(map.trajectories(starts, MAPS)?);
-    // Lines may be lost later than in the first map, which was calibrated.
-    Ok(points.chunks_exact(2).filter(|z| z[0].is_finite()).flatten().copied().collect())
+    let next = points[starts.len()..].chunks_exact(2);
+    let stay = points.chunks_exact(2).zip(next).filter(|(_, next)| next[0].is_finite());
+    Ok(stay.flat_map(|(z, _)| z).copied().collect())
 }
 
 /// The axis near the guess, or the one nearest to the middle of the coils about which lines turn.

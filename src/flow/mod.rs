@@ -42,6 +42,7 @@ pub use gauss::GaussLegendre;
 pub use integrator::Integrator;
 #[cfg(feature = "scenes")]
 pub(crate) use integrator::whole_periods;
+pub(crate) use line_section::turns_of_trace;
 pub use line_section::{LineRequest, LineSection};
 pub use multi_revolution::{MultiRevolution, MultiRevolutionSettings};
 pub use orbits::orbits_of;
@@ -49,7 +50,10 @@ pub use polynomial_family::PolynomialFamily;
 pub use polynomial_map::{FormDefect, PolynomialMap, TwoFits};
 pub use polynomial_on_section::PolynomialOnSection;
 pub use reference::{Reference, ReferenceValue};
-pub use region::{Exit, OutsidePolynomials, OutsideRegion, PolynomialExit, Region, RegionExit};
+pub use region::{
+    Exit, OutsidePolynomials, OutsideRegion, OutsideSection, PolynomialExit, Region, RegionExit,
+    SectionExit,
+};
 pub use runge_kutta::{natural_runge_kutta_4, runge_kutta_4};
 pub use splitting::{MicroSteps, Splitting, SplittingSteps};
 pub use step_table::{FlowOfPoints, StepTable, TableKind};

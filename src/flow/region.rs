@@ -116,6 +116,13 @@ pub type RegionExit = Exit<OutsideRegion>;
 /// States outside the box of a network's polynomials.
 pub type PolynomialExit = Exit<OutsidePolynomials>;
 
+/// States outside the box of a section.
+pub type SectionExit = Exit<OutsideSection>;
+
+/// A state outside of the box of its section: nothing is known of it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct OutsideSection {}
+
 /// The first coordinate of a state that is outside of a region.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct OutsideRegion {
@@ -177,12 +184,27 @@ impl<T> Exit<T> {
     }
 }
 
-impl RegionExit {
+impl SectionExit {
+    /// The states of `points` trajectories, (T, M, 2n), that are no numbers, since they have left the box of their
+    /// section: one state in `every` is kept. None if all are numbers.
+    pub fn of(values: &[f64], dof: usize, points: usize, every: usize) -> Option<Self> {
+        let lost = |z: &[f64]| z.iter().any(|v| v.is_nan()).then_some(OutsideSection {});
+        Self::first_of(values.chunks_exact(2 * dof).map(lost), points, every)
+    }
+
     /// In words: which states, and the first of them.
-    pub fn describe(&self, region: &Region) -> String {
+    pub fn describe(&self) -> String {
+        self.sentence("the section", "it and all later ones are NaN")
+    }
+}
+
+impl RegionExit {
+    /// In words: which states, and the first of them, whose coordinates are those of a section or q and p.
+    pub fn describe(&self, region: &Region, has_section: bool) -> String {
         let OutsideRegion { coordinate, value } = self.first;
         let dof = region.low.len() / 2;
-        let half = if coordinate < dof { "q" } else { "p" };
+        let [first, second] = if has_section { ["x", "y"] } else { ["q", "p"] };
+        let half = if coordinate < dof { first } else { second };
         let (low, high) = (region.low[coordinate], region.high[coordinate]);
         let first = format!(
             "{half}{} = {value:.3e}, not from {low:.3e} to {high:.3e}",

@@ -15,7 +15,8 @@ const COLUMNS: usize = 6;
 /// and of z, in metres, separated by commas or spaces. Empty lines and lines that begin with # are skipped. A file
 /// whose name ends in `.npz` has an array `points`, (C, N, 3): for each of C closed coils N points (x, y, z) at equal
 /// distances of a parameter, which a trigonometric polynomial interpolates ([`Coil::of_points`]). `currents` are the
-/// currents of these coils, in amperes; the symmetry of the machine adds the other coils.
+/// currents of these coils, in amperes; the symmetry of the machine adds the other coils: the file holds those of one
+/// field period, or of half of one with stellarator symmetry ([`CoilSet::all`]).
 ///
 /// # Errors
 /// When the file cannot be read, has no such array, a line has another number of numbers than the first, one that is no
@@ -28,7 +29,7 @@ pub fn read_coils(
 ) -> Result<CoilSet, Error> {
     let place = path.display().to_string();
     let bytes = read_bytes(path)?;
-    if path.extension().is_some_and(|ending| ending == "npz") {
+    if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("npz")) {
         let coils = coils_of_points(&place, bytes, currents)?;
         return Ok(CoilSet { coils, periods, stellarator_symmetric });
     }
@@ -63,8 +64,9 @@ pub fn parse_coils(
     periods: u32,
     stellarator_symmetric: bool,
 ) -> Result<CoilSet, Error> {
-    let text = std::str::from_utf8(bytes)
-        .map_err(|reason| Error::content(place, "lines of numbers", reason))?;
+    let text = std::str::from_utf8(bytes).map_err(|_| {
+        Error::content(place, "lines of numbers, or a name that ends in .npz", "no text")
+    })?;
     let mut rows: Vec<Vec<f64>> = Vec::new();
     for (number, line) in text.lines().enumerate() {
         let line = line.trim();
@@ -76,7 +78,11 @@ pub fn parse_coils(
         let words = line.split(separators).filter(|word| !word.is_empty());
         let parse = |word: &str| match word.parse::<f64>() {
             Ok(value) if value.is_finite() => Ok(value),
-            _ => Err(Error::content(place(), "finite numbers", format!("`{word}`"))),
+            _ => {
+                let start: String = word.chars().take(40).collect();
+                let more = if start.len() < word.len() { "…" } else { "" };
+                Err(Error::content(place(), "finite numbers", format!("`{start}{more}`")))
+            }
         };
         let row: Vec<f64> = words.map(parse).collect::<Result<_, _>>()?;
         let expected = rows.first().map_or(row.len().next_multiple_of(COLUMNS), Vec::len);

@@ -186,6 +186,39 @@ impl StoredModel {
         request: Rollout,
         pace: &mut Pace<'_>,
     ) -> Result<RolledOut, Error> {
+        let rolled = self.rolled_out(course, initial, request, pace)?;
+        let (dim, has_section) = (2 * self.model.composition().dof(), self.section.is_some());
+        refuse_divergence(&rolled.states, initial.len(), dim, request.every, has_section)?;
+        Ok(rolled)
+    }
+
+    /// [`StoredModel::rollout_along`] of orbits that may leave the box of a section: the state that is kept there and
+    /// all later ones are NaN. Without a section it is the same.
+    ///
+    /// # Errors
+    /// Those of [`StoredModel::rollout_along`], but for orbits that leave the box of a section.
+    pub fn rollout_until_lost(
+        &self,
+        course: Course,
+        initial: &[f64],
+        request: Rollout,
+        pace: &mut Pace<'_>,
+    ) -> Result<RolledOut, Error> {
+        if self.section.is_none() {
+            return self.rollout_along(course, initial, request, pace);
+        }
+        let mut rolled = self.rolled_out(course, initial, request, pace)?;
+        lose_rest(&mut rolled.states, initial.len(), 2 * self.model.composition().dof());
+        Ok(rolled)
+    }
+
+    fn rolled_out(
+        &self,
+        course: Course,
+        initial: &[f64],
+        request: Rollout,
+        pace: &mut Pace<'_>,
+    ) -> Result<RolledOut, Error> {
         self.check_points("initial points", initial)?;
         let mut states = initial.to_vec();
         self.to_network(&mut states);
@@ -208,8 +241,6 @@ impl StoredModel {
         if course.grid.is_none() {
             states[..initial.len()].copy_from_slice(initial);
         }
-        let (dim, has_section) = (2 * self.model.composition().dof(), self.section.is_some());
-        refuse_divergence(&states, initial.len(), dim, request.every, has_section)?;
         Ok(RolledOut { states, is_exact })
     }
 
@@ -467,6 +498,18 @@ pub(super) fn refuse_divergence(
             index / row * every
         ),
     })
+}
+
+/// States (T, M, dim), `row` numbers for each time, become NaN from the first on that is not of finite numbers.
+pub(super) fn lose_rest(states: &mut [f64], row: usize, dim: usize) {
+    for k in (0..states.len()).step_by(dim) {
+        let is_lost = |z: &[f64]| z.iter().any(|v| !v.is_finite());
+        let before =
+            k.checked_sub(row).is_some_and(|before| is_lost(&states[before..before + dim]));
+        if before || is_lost(&states[k..k + dim]) {
+            states[k..k + dim].fill(f64::NAN);
+        }
+    }
 }
 
 /// What a file says that it is, if it is JSON and says it.

@@ -7,6 +7,7 @@ mod arrays;
 mod checkpoints;
 mod code;
 mod coils;
+mod files;
 mod json;
 mod legacy;
 mod npy;
@@ -25,6 +26,8 @@ pub use arrays::{
 pub use checkpoints::Checkpoints;
 pub use code::{SourceCode, SourceLanguage};
 pub use coils::{parse_coils, read_coils};
+pub(crate) use files::{TEMPORARY, read_bytes};
+pub use files::{file_digest, write_atomically};
 pub use json::{
     MODEL_VERSION, Provenance, RolledOut, StoredModel, earlier_checkpoint, load_checkpoint,
     load_model, model_text, parse_model, save_checkpoint, save_model,
@@ -46,53 +49,4 @@ pub use weights::{
 pub mod internals {
     pub use super::npy::{Array, read_array, write_array};
     pub use super::tensor_bundle::{crc32c, parse};
-}
-
-use crate::error::Error;
-use std::io::Write;
-use std::path::Path;
-
-/// How the name of a file begins that is not yet whole.
-pub(crate) const TEMPORARY: &str = ".gyroceptron-";
-
-/// Writes a file whole or not at all.
-///
-/// # Errors
-/// [`Error::Write`] with the path.
-pub fn write_atomically(
-    path: &Path,
-    fill: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
-) -> Result<(), Error> {
-    let folder = match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
-    };
-    let attempt = || -> std::io::Result<()> {
-        let mut builder = tempfile::Builder::new();
-        builder.prefix(TEMPORARY);
-        // Temporary files are private by default; results follow the umask.
-        #[cfg(unix)]
-        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-        let mut file = builder.tempfile_in(folder)?;
-        let mut buffered = std::io::BufWriter::new(file.as_file_mut());
-        fill(&mut buffered)?;
-        buffered.flush()?;
-        drop(buffered);
-        file.persist(path).map_err(|e| e.error)?;
-        Ok(())
-    };
-    attempt().map_err(|reason| Error::write(path, reason))
-}
-
-/// SHA-256 of a file, in hexadecimal.
-///
-/// # Errors
-/// [`Error::Read`].
-pub fn file_digest(path: &Path) -> Result<String, Error> {
-    Ok(crate::digest::of_bytes(&read_bytes(path)?))
-}
-
-/// The bytes of a file.
-pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>, Error> {
-    std::fs::read(path).map_err(|reason| Error::read(path, reason))
 }

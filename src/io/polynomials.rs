@@ -1,6 +1,8 @@
 //! Files of symplectic polynomials.
 
-use super::json::{Provenance, format_of, parse_content, parse_header, refuse_divergence};
+use super::json::{
+    Provenance, format_of, lose_rest, parse_content, parse_header, refuse_divergence,
+};
 use super::{StoredModel, parse_model, read_bytes, write_atomically};
 use crate::digest;
 use crate::error::Error;
@@ -54,14 +56,44 @@ impl StoredPolynomial {
         request: Rollout,
         pace: &mut Pace<'_>,
     ) -> Result<Vec<f64>, Error> {
-        self.map.check_points("initial points", initial)?;
-        let states = match direction {
-            Direction::Forward => self.map.rollout_at_pace(initial, request, pace)?,
-            Direction::Inverse => self.map.inverted().rollout_at_pace(initial, request, pace)?,
-        };
+        let states = self.rolled_out(direction, initial, request, pace)?;
         let (dim, has_section) = (2 * self.map.map().dof(), self.map.has_section());
         refuse_divergence(&states, initial.len(), dim, request.every, has_section)?;
         Ok(states)
+    }
+
+    /// [`StoredPolynomial::rollout_along`] of orbits that may leave the box of a section: the state that is kept there
+    /// and all later ones are NaN. Without a section it is the same.
+    ///
+    /// # Errors
+    /// Those of [`StoredPolynomial::rollout_along`], but for orbits that leave the box of a section.
+    pub fn rollout_until_lost(
+        &self,
+        direction: Direction,
+        initial: &[f64],
+        request: Rollout,
+        pace: &mut Pace<'_>,
+    ) -> Result<Vec<f64>, Error> {
+        if !self.map.has_section() {
+            return self.rollout_along(direction, initial, request, pace);
+        }
+        let mut states = self.rolled_out(direction, initial, request, pace)?;
+        lose_rest(&mut states, initial.len(), 2 * self.map.map().dof());
+        Ok(states)
+    }
+
+    fn rolled_out(
+        &self,
+        direction: Direction,
+        initial: &[f64],
+        request: Rollout,
+        pace: &mut Pace<'_>,
+    ) -> Result<Vec<f64>, Error> {
+        self.map.check_points("initial points", initial)?;
+        match direction {
+            Direction::Forward => self.map.rollout_at_pace(initial, request, pace),
+            Direction::Inverse => self.map.inverted().rollout_at_pace(initial, request, pace),
+        }
     }
 }
 
@@ -149,6 +181,14 @@ impl StoredMap {
         match self {
             Self::Network(stored) => stored.model.composition().dof(),
             Self::Polynomial(stored) => stored.map.map().dof(),
+        }
+    }
+
+    /// Whether its points are those of a section.
+    pub fn has_section(&self) -> bool {
+        match self {
+            Self::Network(stored) => stored.section.is_some(),
+            Self::Polynomial(stored) => stored.map.has_section(),
         }
     }
 

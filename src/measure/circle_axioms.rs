@@ -122,9 +122,9 @@ pub fn conjugated_axiom_ratio(
         let steps: Vec<_> =
             maps.iter().flat_map(|map| map.measured_steps(Direction::Forward)).collect();
         let propagation = RoundingPropagation::new(&steps, z);
-        let (bounds, sums) = propagation.value_bounds();
-        for (square, bound) in squares.iter_mut().zip(bounds) {
-            *square = libm::hypot(*square, bound);
+        let (scales, sums) = propagation.value_scales();
+        for (square, scale) in squares.iter_mut().zip(scales) {
+            *square = libm::hypot(*square, scale);
         }
         reach = sums.into_iter().fold(reach, max_or_nan);
         linear &= propagation.is_linear();

@@ -64,9 +64,9 @@ pub fn equivariance_ratio(map: &dyn NormalFormed, angles: &[f64], z: &[f64]) -> 
     let mut squares: Vec<f64> = z.to_vec();
     let (mut reach, mut linear) = (0.0_f64, true);
     for propagation in &propagations {
-        let (bounds, sums) = propagation.value_bounds();
-        for (square, bound) in squares.iter_mut().zip(bounds) {
-            *square = libm::hypot(*square, bound);
+        let (scales, sums) = propagation.value_scales();
+        for (square, scale) in squares.iter_mut().zip(scales) {
+            *square = libm::hypot(*square, scale);
         }
         reach = sums.into_iter().fold(reach, max_or_nan);
         linear &= propagation.is_linear();

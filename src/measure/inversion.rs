@@ -59,7 +59,7 @@ impl<'a> ThereAndBack<'a> {
     pub fn ratio(&self, z: &[f64]) -> Conditioned {
         let u = f64::unit_roundoff();
         let propagation = RoundingPropagation::new(&self.steps, z);
-        let (squares, sums) = propagation.return_bounds(self.there);
+        let (squares, sums) = propagation.return_scales(self.there);
         let size = z.iter().map(|v| v.abs()).fold(0.0, max_or_nan);
         let reach = sums.into_iter().fold(0.0, max_or_nan);
         let point = propagation.end();
@@ -74,9 +74,9 @@ impl<'a> ThereAndBack<'a> {
             // Each step may lose a product that underflows to nothing.
             let least = self.steps.len() as f64 * SMALLEST;
             // Where a component is next to nothing, errors are rounded too.
-            let bound = u * libm::hypot(*square, *start) + u * u * reach + least;
+            let scale = u * libm::hypot(*square, *start) + u * u * reach + least;
             let error = coordinate(&self.domain, i).difference(moved - start).abs();
-            let ratio = if error == 0.0 { 0.0 } else { error / bound };
+            let ratio = if error == 0.0 { 0.0 } else { error / scale };
             largest = max_or_nan(largest, ratio);
         }
         Conditioned::Ratio(largest)

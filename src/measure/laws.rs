@@ -124,7 +124,7 @@ pub fn symplecticity_of(law: &str, map: &dyn Measurable, points: &[f64]) -> Tall
 }
 
 /// [`symplecticity`] for a map of unknown structure. Where no rounding errors show, because its
-/// operations are few or exact, it is enough that the bounds are small.
+/// operations are few or exact, it is enough that the scales are small.
 pub fn symplecticity_of_any(map: &dyn Measurable, points: &[f64]) -> Tally {
     let steps = map.measured_steps(Direction::Forward);
     let mut resolutions: Vec<f64> = each_point(points, 2 * map.dof())
@@ -232,7 +232,7 @@ pub fn periodicity(map: &dyn Measurable, points: &[f64]) -> Option<Tally> {
     let steps = map.measured_steps(Direction::Forward);
     let ratio = |z: &[f64]| {
         let propagation = RoundingPropagation::new(&steps, z);
-        let (bounds, _) = propagation.value_bounds();
+        let (scales, _) = propagation.value_scales();
         let mut largest = 0.0;
         for &(i, period) in &angles {
             let mut shifted = z.to_vec();
@@ -242,8 +242,8 @@ pub fn periodicity(map: &dyn Measurable, points: &[f64]) -> Option<Tally> {
                 let error = coordinate(&domain, k).difference(end[k] - propagation.end()[k]).abs();
                 // The shift is rounded, and so are both ends.
                 let of_shift = propagation.jacobian()[(k, i)].abs() * (z[i].abs() + period);
-                let bound = 2.0 * bounds[k] + of_shift + end[k].abs() + period;
-                largest = max_or_nan(largest, error / (u * bound));
+                let scale = 2.0 * scales[k] + of_shift + end[k].abs() + period;
+                largest = max_or_nan(largest, error / (u * scale));
             }
         }
         Conditioned::Ratio(largest)

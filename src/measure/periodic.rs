@@ -25,6 +25,20 @@ impl PeriodicOrbit {
         self.points.len()
     }
 
+    /// The orbit itself, if it closes after `period` iterations and not sooner.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] with its first point, if it closes sooner.
+    pub fn of_period(self, period: usize) -> Result<Self, Error> {
+        if self.period() == period {
+            return Ok(self);
+        }
+        let numbers: Vec<String> = self.points[0].iter().map(|v| format!("{v:.6}")).collect();
+        let found =
+            format!("one near an orbit of period {}, at ({})", self.period(), numbers.join(", "));
+        Err(Error::invalid("guess", found, format!("a point near an orbit of period {period}")))
+    }
+
     /// Tr M. For one degree of freedom an orbit with |Tr M| < 2 is elliptic (nearby points go round it), and one with
     /// |Tr M| > 2 hyperbolic (nearby points leave it).
     pub fn trace(&self) -> f64 {

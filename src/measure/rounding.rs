@@ -176,7 +176,7 @@ impl<'a> RoundingPropagation<'a> {
     }
 
     /// Whether each step is nearly linear over the rounding errors that reach it,
-    /// as every bound here assumes. Its nonlinear part has to be small compared
+    /// as every scale here assumes. Its nonlinear part has to be small compared
     /// with its linear response to these errors or with its own rounding error.
     /// The errors are found by evaluating the steps again with each result moved
     /// at random, up or down, by half to all of its rounding scale.
@@ -248,14 +248,15 @@ impl<'a> RoundingPropagation<'a> {
         })
     }
 
-    /// Two bounds, in units of u, of the distance from the start after the first
-    /// `count` steps and their exact inverse: √2 times the root of the sum of
-    /// squares of |Jᵢ⁻¹|δᵢ over these steps, and twice their plain sum. The factors
-    /// √2 and 2 are there because the way back makes the same errors once more.
+    /// Two scales, in units of u, of the distance from the start after the first
+    /// `count` steps and their exact inverse. The first is √2 times the root of the sum of
+    /// squares of |Jᵢ⁻¹|δᵢ over these steps: the size of independent errors, and no bound. The
+    /// second is twice their plain sum: the worst case. The factors √2 and 2 are there because
+    /// the way back makes the same errors once more.
     ///
-    /// The second bound is infinite where a Jacobian is not finite. The steps
+    /// The second scale is infinite where a Jacobian is not finite. The steps
     /// after the first `count` do not enter, so a wrong inverse cannot excuse itself.
-    pub fn return_bounds(&self, count: usize) -> (Vec<f64>, Vec<f64>) {
+    pub fn return_scales(&self, count: usize) -> (Vec<f64>, Vec<f64>) {
         let dim = self.dim;
         let mut squares = vec![0.0; dim];
         let mut sums = vec![0.0; dim];
@@ -277,13 +278,13 @@ impl<'a> RoundingPropagation<'a> {
         (twice(squares, std::f64::consts::SQRT_2), twice(sums, 2.0))
     }
 
-    /// Bounds of the rounding error at the end, in units of u, for each
-    /// component: the root of the sum of squares and the plain sum of
-    /// |A_N ⋯ A_{i+1}|δᵢ over the steps, Aᵢ being their Jacobians.
+    /// Two scales of the rounding error at the end, in units of u, for each
+    /// component: the root of the sum of squares (of independent errors) and the plain sum (the
+    /// worst case) of |A_N ⋯ A_{i+1}|δᵢ over the steps, Aᵢ being their Jacobians.
     ///
     /// The product is formed from the last step backwards: J_N Jᵢ⁻¹ would lose all
     /// digits in a composition that returns to its start.
-    pub fn value_bounds(&self) -> (Vec<f64>, Vec<f64>) {
+    pub fn value_scales(&self) -> (Vec<f64>, Vec<f64>) {
         let dim = self.dim;
         let mut squares = vec![0.0; dim];
         let mut sums = vec![0.0; dim];

@@ -62,7 +62,7 @@ pub fn symplecticity_ratio(propagation: &RoundingPropagation<'_>) -> f64 {
     for j in 0..propagation.dim() {
         for k in 0..propagation.dim() {
             let (defect, scale) = (defect[(j, k)], scale[(j, k)]);
-            // Over an infinite bound every defect would be small.
+            // Over an infinite scale every defect would be small.
             let ratio = if scale.is_finite() {
                 defect.abs() / (f64::unit_roundoff() * scale)
             } else {
@@ -79,12 +79,12 @@ pub fn symplecticity_ratio(propagation: &RoundingPropagation<'_>) -> f64 {
 /// has a ratio of 1.
 pub(super) fn symplecticity_resolution(propagation: &RoundingPropagation<'_>) -> f64 {
     let (end, scale) = (propagation.jacobian(), symplecticity_scale(propagation));
-    let (mut bound, mut size) = (0.0, 1.0);
+    let (mut largest, mut size) = (0.0, 1.0);
     for j in 0..propagation.dim() {
         for k in 0..propagation.dim() {
-            bound = max_or_nan(bound, f64::unit_roundoff() * scale[(j, k)]);
+            largest = max_or_nan(largest, f64::unit_roundoff() * scale[(j, k)]);
             size = max_or_nan(size, end[(j, k)] * end[(j, k)]);
         }
     }
-    bound / size
+    largest / size
 }

@@ -16,7 +16,7 @@ pub const COUNT_LIMIT: f64 = 0.5;
 pub const SOUND_DECILE: f64 = 0.05;
 /// The least upper decile of the nonzero values of other ratios. (Many of these are 0
 /// because a step was undone to the last bit.) It is 0.2 to 0.6 for every law on clean
-/// networks (`verification/soundness.rs`); bounds that are a thousand times as large as
+/// networks (`verification/soundness.rs`); scales that are a thousand times as large as
 /// the errors hide defects of that size.
 pub const SOUND_DEVIATION: f64 = 0.01;
 /// The resolution that replaces visible rounding errors in maps of few or exact operations, which
@@ -95,7 +95,7 @@ impl Row {
     }
 }
 
-/// What is asked of the bounds behind ratios, so that no law holds because its bounds
+/// What is asked of the scales behind ratios, so that no law holds because its scales
 /// are too large.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Soundness {
@@ -205,7 +205,7 @@ impl Tally {
         Self { soundness: Soundness::Errors, ..self }
     }
 
-    /// Declares, if `resolved`, that the bounds are small to [`RESOLUTION`] whatever the
+    /// Declares, if `resolved`, that the scales are small to [`RESOLUTION`] whatever the
     /// errors are, so that no rounding errors have to show.
     pub fn resolved_if(self, resolved: bool) -> Self {
         Self { resolved, ..self }

@@ -106,6 +106,16 @@ impl Scale {
         matches!(self, Self::Time | Self::EpsilonTime)
     }
 
+    /// The factor in words.
+    fn name(self) -> &'static str {
+        match self {
+            Self::None => "1",
+            Self::Epsilon => "ε",
+            Self::Time => "h",
+            Self::EpsilonTime => "εh",
+        }
+    }
+
     /// The factor beside ε, for this flow time.
     fn time(self, flow_time: f64) -> Option<f64> {
         self.has_time().then_some(flow_time)
@@ -585,8 +595,9 @@ impl Block {
 
     /// Fails unless its layers can play its part, in a network with circles or without.
     pub(super) fn check(&self, of: Surroundings, has_circles: bool) -> Result<(), Error> {
-        let refused =
-            |found: &str, expected: &str| Err(Error::invalid(&self.name, found, expected));
+        let refused = |found: &str, expected: &str| {
+            Err(Error::invalid(&format!("block {}", self.name), found, expected))
+        };
         let sane = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
         if !self.name.chars().all(sane) {
             let expected = "letters, digits, - and _";
@@ -647,14 +658,14 @@ impl Block {
         let has_epsilon = self.scale.has_epsilon();
         match self.part {
             Part::Conjugation if self.scale != Scale::None => refused(
-                &format!("scaled by {:?}", self.scale),
+                &format!("scaled by {}", self.scale.name()),
                 "no scale: a conjugation ψ of order one",
             ),
             Part::SlowMap if !self.layers.commutes_with_circles() => {
                 refused(self.layers.words(), "twists: a slow map commutes with the circle action")
             }
             Part::Perturbation | Part::NearIdentity if !has_epsilon => refused(
-                &format!("scaled by {:?}", self.scale),
+                &format!("scaled by {}", self.scale.name()),
                 "a scale with ε: the identity at ε = 0",
             ),
             _ => Ok(()),
@@ -674,7 +685,7 @@ impl Block {
 
 /// Widths as files have them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(untagged, expecting = "a list of widths, or { count, width }")]
+#[serde(untagged, expecting = "something else than a list of widths, or { count, width }")]
 enum Widths {
     List(Vec<usize>),
     Uniform(Uniform),
@@ -689,7 +700,7 @@ struct Uniform {
 
 /// One width for all layers, or two that alternate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(untagged, expecting = "a number of neurons, or two by turns")]
+#[serde(untagged, expecting = "something else than a number of neurons, or two by turns")]
 pub enum Alternating {
     /// One width that all layers have.
     Same(usize),
@@ -768,7 +779,10 @@ struct BlockTable {
 
 /// The activation of neurons, or of the modules of a SympNet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(untagged, expecting = "sigmoid, tanh or sech2 of a SympNet, tanh or arctan of neurons")]
+#[serde(
+    untagged,
+    expecting = "something else than sigmoid, tanh or sech2 of a SympNet, tanh or arctan of neurons"
+)]
 enum ActivationName {
     Module(Activation),
     Neurons(Neuron),

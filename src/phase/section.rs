@@ -144,7 +144,8 @@ impl AreaDensity {
     ///
     /// # Errors
     /// When coordinates do not increase, there are fewer than eight along an axis or not one value for each pair of
-    /// them, the scale is not positive, or ρ is not positive and finite somewhere, with the place.
+    /// them, the scale is not positive, or ρ is not positive and finite somewhere, with the place; when the values are
+    /// off the fit by more than a tenth of the largest.
     pub fn of_grid(x: &[f64], y: &[f64], values: &[f64], scale: f64) -> Result<Self, Error> {
         check_axes(x, y)?;
         Error::check_count("section: density: numbers", x.len() * y.len(), values.len())?;
@@ -160,6 +161,7 @@ impl AreaDensity {
         // That of the fit to a quarter of them bounds that of the fit to all.
         out.error = max_or_nan(out.error, out.largest_difference(x, y, values) / size);
         out.check_positive()?;
+        out.check_error()?;
         Ok(out)
     }
 
@@ -271,7 +273,20 @@ impl AreaDensity {
             out.error = max_or_nan(out.error, there.largest_difference(x, y, given) / size);
         }
         out.check_positive().map_err(|e| e.with_place("density at the origin of the controls"))?;
+        out.check_error()?;
         Ok(out)
+    }
+
+    /// Fails if the values of a grid are those of no smooth density.
+    fn check_error(&self) -> Result<(), Error> {
+        /// The largest relative error of a chart that says anything.
+        const MOST: f64 = 0.1;
+        if self.error <= MOST {
+            return Ok(());
+        }
+        let found = format!("values that a polynomial fits to {:.1e} of the largest", self.error);
+        let expected = format!("a smooth density on so fine a grid that it fits to {MOST}");
+        Err(Error::invalid("section: density", found, expected))
     }
 
     /// The largest difference from values on a grid, with x varying fastest.

@@ -100,6 +100,18 @@ pub(super) fn read(name: &str, rows: &Rows<'_>) -> PyResult<(Vec<f64>, Vec<usize
     Ok((values.to_vec(), array.shape().to_vec()))
 }
 
+/// The numbers of an array of one dimension.
+pub(super) fn numbers_of(name: &str, rows: &Rows<'_>) -> PyResult<Vec<f64>> {
+    let (values, shape) = read(name, rows)?;
+    match shape[..] {
+        [_] => Ok(values),
+        _ => {
+            let found = format!("an array of shape {shape:?}");
+            Err(Error::invalid(name, found, "a number, or a list of numbers").into())
+        }
+    }
+}
+
 /// The points of an array of shape (…, 2n).
 pub(super) fn points_of(name: &str, rows: &Rows<'_>, dof: usize) -> PyResult<Points> {
     points_of_width(name, rows, 2 * dof)

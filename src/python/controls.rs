@@ -1,8 +1,8 @@
 //! Controls, in Python.
 
 use super::arrays::{Rows, array, point_of, points_of};
+use super::interrupt::{by_parts, stoppable};
 use super::orbits::until_stopped;
-use super::{by_parts, stoppable};
 use crate::error::Error;
 use crate::io::StoredModel;
 use crate::measure::orbits::periodic_orbit;
@@ -107,7 +107,7 @@ pub(super) fn orbit_response<'py>(
     let guess = point_of("guess", guess, dof)?;
     let (orbit, response) = stoppable(py, |stop| {
         let at = stored.at_controls(values)?;
-        let orbit = periodic_orbit(&until_stopped(&at, stop), &guess, period)?;
+        let orbit = periodic_orbit(&until_stopped(&at, stop), &guess, period)?.of_period(period)?;
         let response = stored.orbit_response(values, &orbit)?;
         Ok::<_, Error>((orbit, response))
     })?;

@@ -1,9 +1,10 @@
 //! Field lines of coils in Python.
 
 use super::arrays::{Rows, array, points_of, points_of_width};
-use super::interruptible;
+use super::interrupt::{by_parts, interruptible};
 use super::orbits::{self, OrbitMap};
 use super::outside::{box_of, survived};
+use super::trained::warn;
 use crate::error::Error;
 use crate::flow::{LineRequest, LineSection};
 use crate::io::{read_coils, write_section};
@@ -25,7 +26,8 @@ use std::path::PathBuf;
 /// `coils` is a file of coils: text with a line for each Fourier mode, which holds the coefficients of sine and cosine
 /// of x, of y and of z of one coil after another, in metres, or an .npz with points (C, N, 3), N points on each of C
 /// coils. `currents` are the currents of these coils, in amperes, `field_periods` is the number of field periods of the
-/// machine, and `stellarator_symmetric` says whether half a turn about the x axis is a symmetry too. Without a file the
+/// machine, and `stellarator_symmetric` says whether half a turn about the x axis is a symmetry too. The file holds the
+/// coils of one field period, or of half of one with this symmetry: the others are turned images. Without a file the
 /// machine is a torsatron of ten periods. `section` is the place of the section, in field periods, `periods` the number
 /// of field periods in a map, `reach` the largest distance from the axis at which lines begin, in metres, `axis` a
 /// guess of the axis, and `error` the largest error of a map, in metres. Raises Error when a file or a number is
@@ -33,6 +35,8 @@ use std::path::PathBuf;
 #[pyclass(frozen, module = "gyroceptron", name = "FieldLines")]
 pub(super) struct FieldLines {
     section: LineSection,
+    /// Whether lines run backwards in the mirror Z -> -Z of the section.
+    is_mirrored: bool,
 }
 
 /// The machine that is there without a file.
@@ -85,23 +89,25 @@ impl FieldLines {
         axis: Option<[f64; 2]>,
         error: f64,
     ) -> PyResult<Self> {
-        let (set, of_machine, guess) = match coils {
+        let (set, of_machine, is_symmetric, guess) = match coils {
             Some(path) => {
-                let missing = |name: &str| Error::invalid(name, "None", "it beside coils");
+                let needed = "given, since coils are: the currents of these and the field periods of the machine";
+                let missing = |name: &str| Error::invalid(name, "None", needed);
                 let currents = currents.ok_or_else(|| missing("currents"))?;
                 let of_machine = field_periods.ok_or_else(|| missing("field_periods"))?;
                 let set = read_coils(&path, &currents, of_machine, stellarator_symmetric)?;
-                (set, of_machine, axis)
+                (set, of_machine, stellarator_symmetric, axis)
             }
             None => {
                 if currents.is_some() || field_periods.is_some() {
-                    let expected = "None without coils, a file";
-                    return Err(Error::invalid("currents, field_periods", "given", expected).into());
+                    let expected = "a file of coils that they are of";
+                    return Err(Error::invalid("coils", "None", expected).into());
                 }
                 let own = torsatron();
-                (own.coils()?, own.periods, axis.or(Some([own.major_radius, 0.0])))
+                (own.coils()?, own.periods, true, axis.or(Some([own.major_radius, 0.0])))
             }
         };
+        let is_mirrored = is_symmetric && (2.0 * section).fract() == 0.0;
         Error::check_count_range("periods", periods as usize, 1, 1000)?;
         Error::check_finite("section", section)?;
         let coils = set.all()?;
@@ -109,7 +115,7 @@ impl FieldLines {
         let (phi, angle) = (TAU * section / of_machine, TAU * f64::from(periods) / of_machine);
         let request = LineRequest { phi, angle, reach, guess, error };
         let section = interruptible(py, |pace| LineSection::new_at_pace(&coils, request, pace))?;
-        Ok(Self { section })
+        Ok(Self { section, is_mirrored })
     }
 
     /// R and Z of the magnetic axis, in metres.
@@ -124,7 +130,8 @@ impl FieldLines {
         self.section.error()
     }
 
-    /// Turns about the axis per map of a line close to it, from R towards Z; NaN where lines leave the axis.
+    /// Turns about the axis per map of a line close to it, positive from R towards Z: whole turns are counted, so that
+    /// a map of several periods has as many times those of one. NaN where lines leave the axis.
     #[getter]
     fn turns(&self) -> f64 {
         self.section.turns()
@@ -137,8 +144,8 @@ impl FieldLines {
     }
 
     /// The points of lines through `points`, (..., 2), map after map: (maps + 1, ..., 2). A line that is further from
-    /// the middle of the machine than any coil is NaN from there on. Lines that come near to a coil are not told from
-    /// others: there the field is that of points along it.
+    /// the middle of the machine than any coil is NaN from there on (UserWarning). Lines that come near to a coil are
+    /// not told from others, though the field there is that of points along it: see `distance_to_coils`.
     fn trace<'py>(
         &self,
         py: Python<'py>,
@@ -150,7 +157,39 @@ impl FieldLines {
         let mut states = points.values.clone();
         let traced = |pace: &mut Pace<'_>| self.section.followed(&points.values, maps, pace);
         states.extend(interruptible(py, traced)?);
+        let row = points.values.len();
+        if let Some(index) = states.iter().position(|v| v.is_nan()) {
+            let end = &states[maps * row..];
+            let count = end.chunks_exact(2).filter(|z| z[0].is_nan()).count();
+            let (line, map) = (index % row / 2, index / row);
+            warn(
+                py,
+                &format!(
+                    "{count} of {} lines leave the machine, and are NaN from there on: the first is row {line} \
+                     (counted from 0), in map {map}",
+                    row / 2
+                ),
+            )?;
+        }
         array(py, states, points.shape(&[maps + 1], &[2]))
+    }
+
+    /// How near each line from `points`, (..., 2), comes to a coil in `maps` maps, in metres, after each step of the
+    /// integration: (...). NaN where it is lost. Within about the distance between points along a coil the field is
+    /// not that of the coil.
+    #[pyo3(signature = (points, maps=1))]
+    fn distance_to_coils<'py>(
+        &self,
+        py: Python<'py>,
+        points: Rows<'py>,
+        maps: usize,
+    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        let points = points_of("points", &points, 1)?;
+        Error::check_count_range("maps", maps, 1, 1 << 32)?;
+        let map = self.section.map();
+        let values =
+            by_parts(py, "distances", 2, &points.values, |part| map.nearest_to_coils(part, maps))?;
+        array(py, values, points.shape(&[], &[]))
     }
 
     /// The points from which lines come to `points`, (..., 2), in one map, followed backwards: an array of the same
@@ -162,13 +201,13 @@ impl FieldLines {
     ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         let points = points_of("points", &points, 1)?;
         let back = self.section.map().backwards();
-        let values = super::by_parts(py, "field lines", 2, &points.values, |part| {
-            back.trajectories(part, 1)
-        })?;
+        let values =
+            by_parts(py, "field lines", 2, &points.values, |part| back.trajectories(part, 1))?;
         array(py, values, points.shape(&[], &[2]))
     }
 
-    /// The Jacobians of a map at `points`, (..., 2), by dual numbers: (..., 2, 2).
+    /// The Jacobians of a map at `points`, (..., 2), by dual numbers: (..., 2, 2). NaN of lines that are lost, as in
+    /// `trace`.
     fn jacobian<'py>(
         &self,
         py: Python<'py>,
@@ -176,9 +215,13 @@ impl FieldLines {
     ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         let points = points_of("points", &points, 1)?;
         let map = self.section.map();
-        let values = super::by_parts(py, "Jacobians", 2, &points.values, |part| {
-            let of = |z: &[f64]| map.with_jacobian([z[0], z[1]]).1;
-            Ok(part.chunks_exact(2).flat_map(of).flatten().collect())
+        let values = by_parts(py, "Jacobians", 2, &points.values, |part| {
+            let images = map.trajectories(part, 1)?;
+            let of = |(z, image): (&[f64], &[f64])| match image[0].is_nan() {
+                true => [[f64::NAN; 2]; 2],
+                false => map.with_jacobian([z[0], z[1]]).1,
+            };
+            Ok(part.chunks_exact(2).zip(images.chunks_exact(2)).flat_map(of).flatten().collect())
         })?;
         array(py, values, points.shape(&[], &[2, 2]))
     }
@@ -190,7 +233,7 @@ impl FieldLines {
         points: Rows<'py>,
     ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         let points = points_of("points", &points, 1)?;
-        let values = super::by_parts(py, "field", 2, &points.values, |part| {
+        let values = by_parts(py, "field", 2, &points.values, |part| {
             Ok(part
                 .chunks_exact(2)
                 .map(|z| self.section.toroidal_field(z[0], z[1]).abs())
@@ -208,7 +251,7 @@ impl FieldLines {
     ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         let places = points_of_width("places", &places, 3)?;
         let field = self.section.field();
-        let values = super::by_parts(py, "field", 3, &places.values, |part| {
+        let values = by_parts(py, "field", 3, &places.values, |part| {
             Ok(part.as_chunks().0.iter().flat_map(|place| field.at(*place)).collect())
         })?;
         array(py, values, places.shape(&[], &[3]))
@@ -228,7 +271,7 @@ impl FieldLines {
                 [Dual::variable(*x, 0), Dual::variable(*y, 1), Dual::variable(*z, 2)];
             field.at(place).map(|component| component.eps)
         };
-        let values = super::by_parts(py, "field", 3, &places.values, |part| {
+        let values = by_parts(py, "field", 3, &places.values, |part| {
             Ok(part.as_chunks().0.iter().flat_map(gradient).flatten().collect())
         })?;
         array(py, values, places.shape(&[], &[3, 3]))
@@ -271,7 +314,8 @@ impl FieldLines {
 
     /// The periodic orbits of exactly `period` steps that begin on the line of symmetry of a reversible map of a plane,
     /// from `low` to `high` on it, in metres, found without a guess: dictionaries, as of `Model.symmetric_orbits`. The
-    /// line of a section with `reversor` "positions" is Z = 0. That the map is reversible is not tested.
+    /// line of a section with `reversor` "positions" is Z = 0. Raises Error of another reversor, and of a section that
+    /// is no mirror plane of the machine: those at 0 and half a field period are, with stellarator symmetry.
     #[pyo3(signature = (reversor, low, high, period=1, *, samples=200))]
     fn symmetric_orbits<'py>(
         &self,
@@ -283,6 +327,12 @@ impl FieldLines {
         samples: usize,
     ) -> PyResult<Bound<'py, PyList>> {
         let reversor = Reversor::find(reversor)?;
+        if reversor != Reversor::Positions || !self.is_mirrored {
+            let expected = "positions, at a section that is a mirror plane: 0 or 0.5 with stellarator symmetry";
+            let phi = self.section.request().phi;
+            let found = format!("{} at phi = {phi:.6}", reversor.name());
+            return Err(Error::invalid("reversor", found, expected).into());
+        }
         let line = SymmetryLine { reversor, from: low, to: high, samples };
         orbits::symmetric_orbits_of(py, &self.section, line, period)
     }

@@ -1,7 +1,7 @@
 //! Properties of the orbits of a map, in Python.
 
 use super::arrays::{Rows, array, point_of, points_of, read, rows_of};
-use super::{Stop, interruptible, measured, stoppable};
+use super::interrupt::{Stop, interruptible, measured, stoppable};
 use crate::error::Error;
 use crate::flow::{Region, Trajectories};
 use crate::io::{StoredModel, read_section};
@@ -144,7 +144,9 @@ pub(super) fn island_of<'py>(
 ) -> PyResult<Option<Bound<'py, PyDict>>> {
     of_a_plane(map)?;
     let (guess, around) = (point_of("guess", guess, 1)?, point_of("around", around, 1)?);
-    let orbit = stoppable(py, |stop| periodic_orbit(&until_stopped(map, stop), &guess, period))?;
+    let orbit = stoppable(py, |stop| {
+        periodic_orbit(&until_stopped(map, stop), &guess, period)?.of_period(period)
+    })?;
     let found = following(py, map, |follow| {
         IslandSearch::of_orbit(&orbit, ([around[0], around[1]], reach), follow)
     })?;
@@ -211,7 +213,8 @@ pub(super) fn manifold_of<'py>(
     let guess = point_of("point", guess, map.dof())?;
     Error::check_count("guess: numbers", 2, guess.len())?;
     let points = stoppable(py, |stop| {
-        let mut orbit = periodic_orbit(&until_stopped(map, stop), &guess, period)?;
+        let mut orbit =
+            periodic_orbit(&until_stopped(map, stop), &guess, period)?.of_period(period)?;
         let direction = if stable { Direction::Inverse } else { Direction::Forward };
         if stable {
             // The inverse goes round the other way, with the inverse of M, whose determinant is 1.
@@ -290,8 +293,8 @@ pub(super) fn spectral_lines<'py>(
     Ok((array(py, frequencies, vec![lines])?, array(py, amplitudes, vec![lines, 2])?))
 }
 
-/// The rotation number of an orbit (T, 2) of a map of a plane about `centre`, in turns per step, by weighted Birkhoff
-/// averages: (turns, error), where the error is the difference between the averages over the two halves. The growth of
+/// The rotation number of an orbit (T, 2) of a map of a plane about `centre`, in turns per step, positive from the first
+/// coordinate towards the second (`tunes` has the other sign, from p towards q), by weighted Birkhoff averages: (turns, error), where the error is the difference between the averages over the two halves. The growth of
 /// the angle in a step is known only up to whole turns: the value within half a turn of `near` is taken. Raises Error
 /// of arrays of other shapes.
 #[pyfunction]

@@ -1,12 +1,13 @@
 //! Symplectic polynomials in Python.
 
 use super::arrays::{Points, Rows, array, dof_of, point_of, points_of, rows_of};
+use super::certificate::PyCertificate;
+use super::interrupt::{by_parts, interruptible, measured};
 use super::orbits::{self, OrbitMap};
 use super::outside::{Outside, box_of, survived};
 use super::trained::warn;
-use super::{PyCertificate, by_parts, interruptible, measured};
 use crate::error::Error;
-use crate::flow::{Pairs, PolynomialOnSection, Symmetries};
+use crate::flow::{Pairs, PolynomialOnSection, SectionExit, Symmetries};
 use crate::io::{
     Provenance, StoredPolynomial, load_polynomial, parse_polynomial, polynomial_text, read_section,
     save_polynomial,
@@ -191,7 +192,11 @@ impl PySymplecticPolynomial {
         let states = interruptible(py, |pace| map.rollout_at_pace(&points.values, request, pace))?;
         outside.report(py, || {
             let region = self.map.region();
-            [region.left_by(&states, count, every).map(|left| left.describe(region))]
+            let left = region.left_by(&states, count, every);
+            let has_section = self.map.has_section();
+            let lost = SectionExit::of(&states, self.dof, count, every).filter(|_| has_section);
+            let left = left.map(|left| left.describe(region, has_section));
+            [left, lost.map(|lost| lost.describe())]
         })?;
         array(py, states, points.shape(&[steps / every + 1], &[2 * self.dof]))
     }

@@ -1,6 +1,7 @@
 //! Proofs of circles in Python.
 
-use super::{Model, stoppable};
+use super::interrupt::stoppable;
+use super::model::Model;
 use crate::error::Error;
 use crate::io::{ProofFile, ProofRequest, Proofs};
 use crate::measure::proof::{NobleNumber, Verdict};

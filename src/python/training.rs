@@ -1,9 +1,9 @@
 //! Training from Python: what `gyroceptron train` does, to the same bits.
 
-use super::Model;
-use super::arrays::{Rows, dof_of, rows_of};
+use super::arrays::{Rows, dof_of, numbers_of, rows_of};
 use super::circles::Circles;
 use super::controls::columns_of;
+use super::model::Model;
 use super::trained::{Trained, warn};
 use crate::error::Error;
 use crate::flow::Pairs;
@@ -16,6 +16,7 @@ use crate::train::{
     Progress, RampStage, Recipe, TrainingObserver, TrainingStage,
 };
 use pyo3::conversion::FromPyObjectOwned;
+use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use std::path::PathBuf;
@@ -31,19 +32,24 @@ pub(super) enum Widths {
 
 /// Weights of the planes in the loss.
 #[derive(FromPyObject)]
-pub(super) enum LossWeights {
+pub(super) enum LossWeights<'py> {
     Named(String),
-    Given(Vec<f64>),
+    Given(Rows<'py>),
 }
 
-impl LossWeights {
-    fn loss(self) -> Result<Loss, Error> {
+impl LossWeights<'_> {
+    fn loss(self) -> PyResult<Loss> {
         match self {
-            Self::Given(weights) => Ok(Loss::ByPlane { weights: Some(weights) }),
+            Self::Given(weights) => {
+                Ok(Loss::ByPlane { weights: Some(numbers_of("loss_weights", &weights)?) })
+            }
             Self::Named(name) => match name.as_str() {
                 "auto" => Ok(Loss::ByPlane { weights: None }),
                 "none" => Ok(Loss::MeanSquaredError),
-                _ => Err(Error::invalid("loss_weights", name, "auto, none or positive numbers")),
+                _ => {
+                    let expected = "auto, none or positive numbers";
+                    Err(Error::invalid("loss_weights", name, expected).into())
+                }
             },
         }
     }
@@ -55,7 +61,12 @@ type Shape = Option<Sequence<Sizes>>;
 /// What Python writes as a tuple, or as a list.
 pub(super) struct Sequence<T>(T);
 
-impl<'a, 'py, T: FromPyObjectOwned<'py>> FromPyObject<'a, 'py> for Sequence<T> {
+/// What stands in a tuple, in words.
+pub(super) trait InWords {
+    const WORDS: &'static str;
+}
+
+impl<'a, 'py, T: FromPyObjectOwned<'py> + InWords> FromPyObject<'a, 'py> for Sequence<T> {
     type Error = PyErr;
 
     fn extract(object: Borrowed<'a, 'py, PyAny>) -> PyResult<Self> {
@@ -64,7 +75,13 @@ impl<'a, 'py, T: FromPyObjectOwned<'py>> FromPyObject<'a, 'py> for Sequence<T> {
             Ok(list) => list.to_tuple().into_any(),
             Err(_) => object,
         };
-        tuple.extract().map(Self).map_err(Into::into)
+        match tuple.extract() {
+            Ok(found) => Ok(Self(found)),
+            Err(_) => {
+                let found = tuple.repr()?;
+                Err(PyTypeError::new_err(format!("expected {}, found {found}", T::WORDS)))
+            }
+        }
     }
 }
 
@@ -73,6 +90,16 @@ impl<'a, 'py, T: FromPyObjectOwned<'py>> FromPyObject<'a, 'py> for Sequence<T> {
 pub(super) enum Stage {
     OfTime(f64, u64),
     OfDegree(Option<f64>, usize, u64),
+}
+
+impl InWords for Stage {
+    const WORDS: &'static str =
+        "(flow time, iterations) or (flow time or None, degree, iterations)";
+}
+
+impl InWords for Sizes {
+    const WORDS: &'static str =
+        "(layers, neurons), (layers, neurons, activation) or (layers, polynomials, degree)";
 }
 
 /// Layers and neurons, with their activation unless it is tanh, or layers, polynomials and their degree.
@@ -85,10 +112,18 @@ pub(super) enum Sizes {
 
 /// Blocks of Python's dictionaries, as JSON has them.
 fn blocks_of(py: Python<'_>, blocks: Bound<'_, PyAny>) -> PyResult<Vec<Block>> {
-    let text: String = py.import("json")?.call_method1("dumps", (blocks,))?.extract()?;
-    let blocks = serde_json::from_str(&text)
-        .map_err(|reason| Error::invalid("blocks", reason, "a list of blocks"))?;
-    Ok(blocks)
+    let dumps = py.import("json")?.getattr("dumps")?;
+    let mut out = Vec::new();
+    for (number, block) in blocks.try_iter()?.enumerate() {
+        let text: String = dumps.call1((block?,))?.extract()?;
+        out.push(serde_json::from_str(&text).map_err(|reason| {
+            // The place is one of the text, which nobody has written.
+            let said = reason.to_string();
+            let said = said.rsplit_once(" at line ").map_or(&*said, |(said, _)| said);
+            Error::invalid(&format!("blocks[{number}]"), said, "a block")
+        })?);
+    }
+    Ok(out)
 }
 
 /// Calls back at each iteration.
@@ -140,20 +175,24 @@ impl TrainingObserver for Calling<'_> {
 
 /// A number for all pairs, one for each of them, or that of the network and one for each of them.
 #[derive(FromPyObject)]
-pub(super) enum Condition {
+pub(super) enum Condition<'py> {
     All(f64),
-    Family((f64, Vec<f64>)),
-    Each(Vec<f64>),
+    Family((f64, Rows<'py>)),
+    Each(Rows<'py>),
 }
 
 /// The number of the network, and those of each pair.
-fn condition(of: Option<Condition>) -> (Option<f64>, Option<Vec<f64>>) {
-    match of {
+type OfNetworkAndPairs = (Option<f64>, Option<Vec<f64>>);
+
+fn condition(name: &str, of: Option<Condition<'_>>) -> PyResult<OfNetworkAndPairs> {
+    Ok(match of {
         None => (None, None),
         Some(Condition::All(number)) => (Some(number), None),
-        Some(Condition::Family((number, numbers))) => (Some(number), Some(numbers)),
-        Some(Condition::Each(numbers)) => (None, Some(numbers)),
-    }
+        Some(Condition::Family((number, numbers))) => {
+            (Some(number), Some(numbers_of(name, &numbers)?))
+        }
+        Some(Condition::Each(numbers)) => (None, Some(numbers_of(name, &numbers)?)),
+    })
 }
 
 /// Trains a network on pairs, the rows of `input` and `output`, (N, 2n) each, in any units, as the
@@ -190,7 +229,7 @@ fn condition(of: Option<Condition>) -> (Option<f64>, Option<Vec<f64>>) {
 /// is at most the target; 0 never stops. plateau: stop when the held-out error has fallen by less than a tenth in so
 /// many iterations, 50 with "lm" unless given; 0 never stops.
 /// epsilon, flow_time: the values of the pairs, a number or an array (N,) with one for each pair. Unless given they are
-/// 0.01 and what the pairs determine. The network's own value is the largest of an array, or that of a tuple (own,
+/// 0.01 and what the pairs determine. The network's own value is that of an array with the largest magnitude, or that of a tuple (own,
 /// array). loss_weights: the weights of the planes in the loss and in the held-out error that chooses the model:
 /// "auto", by the motion of each plane beside the rotation, "none", or n or 2n positive numbers. theta, theta_fixed,
 /// theta_penalty: the initial angle (unless given, that of the nearest rotation), whether it stays fixed, and the
@@ -246,12 +285,12 @@ pub(super) fn train(
     starts: Option<u64>,
     ramp: Option<Vec<Sequence<Stage>>>,
     near_identity_penalty: Option<f64>,
-    loss_weights: Option<LossWeights>,
+    loss_weights: Option<LossWeights<'_>>,
     patience: Option<u64>,
     target: Option<f64>,
     plateau: Option<u64>,
-    epsilon: Option<Condition>,
-    flow_time: Option<Condition>,
+    epsilon: Option<Condition<'_>>,
+    flow_time: Option<Condition<'_>>,
     theta: Option<f64>,
     theta_fixed: bool,
     theta_penalty: Option<f64>,
@@ -274,7 +313,8 @@ pub(super) fn train(
     let dof = action.as_ref().map_or_else(|| dof_of("input", &input), |action| Ok(action.dof()))?;
     let (input, output) = (rows_of("input", &input, dof)?, rows_of("output", &output, dof)?);
     let pairs = Pairs::new("pairs", dof, input, output)?;
-    let ((epsilon, epsilons), (flow_time, times)) = (condition(epsilon), condition(flow_time));
+    let ((epsilon, epsilons), (flow_time, times)) =
+        (condition("epsilon", epsilon)?, condition("flow_time", flow_time)?);
     let (names, values) = controls.map(|of| columns_of(&of, pairs.len())).transpose()?.unzip();
     let data = FamilyPairs::under(pairs, epsilons.as_deref(), times.as_deref(), values.as_deref())?;
     let sizes = [
@@ -296,7 +336,7 @@ pub(super) fn train(
     };
     let options = FitOptions {
         architecture: architecture.map(str::to_owned),
-        blocks: blocks.map(|blocks| blocks_of(py, blocks)).transpose()?.unwrap_or_default(),
+        blocks: blocks.map(|blocks| blocks_of(py, blocks)).transpose()?,
         sizes: given.map(|(key, size)| Ok((key, sizes_of(size)?))).collect::<Result<_, Error>>()?,
         radius,
         reversor: reversor.map(Reversor::find).transpose()?,

@@ -13,7 +13,7 @@ use crate::network::{Controls, NetworkSpec};
 use crate::phase::{Section, Units};
 use crate::scalar::max_or_nan;
 use crate::system::{Counted, Hamiltonian, NearlyPeriodic, System};
-use crate::train::{Control, Fit, FitNote, Preparation, Prepared};
+use crate::train::{AreaDefect, Control, Fit, FitNote, Preparation, Prepared};
 use serde::{Deserialize, Serialize};
 
 /// The pairs of a flow map, for training and held out.
@@ -39,6 +39,8 @@ pub(super) struct DataSets {
     pub(super) nearest: Option<(TorusAction, Vec<f64>)>,
     /// What is to be said of the pairs of a file.
     pub(super) notes: Vec<String>,
+    /// What is known of how well they keep areas.
+    pub(super) area_defects: Vec<AreaDefect>,
 }
 
 /// Pairs of a system's flow, as a file holds them.
@@ -95,6 +97,7 @@ impl DataSets {
             controls: None,
             nearest: None,
             notes: Vec::new(),
+            area_defects: Vec::new(),
         }
     }
 
@@ -143,8 +146,9 @@ impl DataSets {
             seed,
             ..Fit::default()
         };
-        let mut notes: Vec<String> =
-            fit.notes_on(&pairs, networks, go_on)?.iter().map(FitNote::to_string).collect();
+        let fit_notes = fit.notes_on(&pairs, networks, go_on)?;
+        let area_defects = fit_notes.iter().filter_map(FitNote::area_defect).collect();
+        let mut notes: Vec<String> = fit_notes.iter().map(FitNote::to_string).collect();
         if single_precision {
             notes.push(Note::SinglePrecision.to_string());
         }
@@ -176,6 +180,7 @@ impl DataSets {
             units,
             nearest,
             notes,
+            area_defects,
             ..Self::plain(training, held_out, reference_error, rotation_error)
         })
     }
@@ -228,6 +233,7 @@ impl DataSets {
             section,
             nearest,
             controls: lines.controls.clone(),
+            notes: lines.lost_in_words().into_iter().collect(),
             ..Self::plain(training, held_out, reference_error, rotation_error)
         })
     }

@@ -16,6 +16,15 @@ use std::any::Any;
 use std::collections::BTreeSet;
 use std::path::Path;
 
+/// What becomes of reversible maps of a section that has no mirror.
+#[derive(Debug, Default)]
+pub struct Mirrorless {
+    /// The models and polynomials that are left out.
+    pub left: Vec<String>,
+    /// The models that have lost their reversor.
+    pub plain: Vec<String>,
+}
+
 impl Scene {
     /// Fails unless what is named is in range and fits together. `place` names the
     /// scene in errors.
@@ -280,9 +289,9 @@ impl Scene {
         (self, any)
     }
 
-    /// The scene without the reversible networks whose maps of a section are not reversible, and their names; with all
-    /// of them, where there are no others.
-    pub fn without_models_that_need_a_mirror(mut self) -> (Self, Vec<String>) {
+    /// The scene without the reversible networks whose maps of a section are not reversible. Where there are no others,
+    /// they stay without their reversor.
+    pub fn without_models_that_need_a_mirror(mut self) -> (Self, Mirrorless) {
         let lines = self.setup.data.as_ref().and_then(|data| data.lines.as_ref());
         let fits = |model: &ModelSpec| match (lines, model.network.reversor) {
             (Some(lines), Some(reversor)) => lines.check_reversor(reversor).is_ok(),
@@ -291,21 +300,29 @@ impl Scene {
         let no_mirror =
             lines.is_some_and(|lines| lines.check_reversor(Reversor::Positions).is_err());
         let (kept, left): (Vec<_>, Vec<_>) = self.setup.models.iter().cloned().partition(fits);
-        let mut names = Vec::new();
-        if !kept.is_empty() {
-            names.extend(left.into_iter().map(|model| model.name));
+        let mut found = Mirrorless::default();
+        if kept.is_empty() {
+            for model in &mut self.setup.models {
+                model.network.reversor = None;
+                found.plain.push(model.name.clone());
+            }
+        } else {
+            found.left.extend(left.into_iter().map(|model| format!("model {}", model.name)));
             self.setup.models = kept;
         }
         if no_mirror {
-            names.extend(self.studies.iter_mut().flat_map(|any| any.study_mut().without_mirror()));
+            let of_studies =
+                self.studies.iter_mut().flat_map(|any| any.study_mut().without_mirror());
+            found.left.extend(of_studies);
         }
         let with = |part: Self| {
             let (part, of_part) = part.without_models_that_need_a_mirror();
-            names.extend(of_part);
+            found.left.extend(of_part.left);
+            found.plain.extend(of_part.plain);
             part
         };
         self.parts = self.parts.into_iter().map(with).collect();
-        (self, names)
+        (self, found)
     }
 
     /// BibTeX entries of what the studies use, each once.

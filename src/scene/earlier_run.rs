@@ -74,8 +74,8 @@ impl Folder {
         Ok(folder)
     }
 
-    /// Removes the scene of a run that failed before anything else was written, also of its parts, so that the run can
-    /// be called again as it was. A folder that cannot be read stays as it is: the failure is what is reported.
+    /// Removes the scene of a run that failed before anything else was written, also of its parts, and the folder, so
+    /// that the run can be called again as it was. A folder that cannot be read stays as it is: the failure is what is reported.
     pub(super) fn remove_bare_scenes(&self) {
         fn is_removed(path: &Path) -> bool {
             let Ok(entries) = std::fs::read_dir(path) else { return false };
@@ -86,6 +86,8 @@ impl Folder {
             let own = path.join(AS_RUN);
             bare && files.iter().all(|file| *file == own)
                 && (files.is_empty() || std::fs::remove_file(&own).is_ok())
+                // Which fails where anything is left.
+                && std::fs::remove_dir(path).is_ok()
         }
         is_removed(&self.path);
     }

@@ -456,6 +456,17 @@ impl TracedLines {
         f64::from(self.of_machine) / f64::from(self.periods)
     }
 
+    /// That lines were lost, where some were.
+    pub(super) fn lost_in_words(&self) -> Option<String> {
+        // no NaN: they are distances of starts
+        let nearest = self.lost.iter().copied().reduce(f64::min)?;
+        let count = self.lost.len();
+        let are = if count == 1 { "line is" } else { "lines are" };
+        Some(format!(
+            "{count} {are} lost or run into a coil, and left out: the nearest to the axis begins {nearest:.6} m from it"
+        ))
+    }
+
     /// As a file holds them.
     pub(super) fn made(&self) -> MadeLines {
         MadeLines {

@@ -73,7 +73,7 @@ pub use job::{JobEnd, JobRequest, MergeEnd, check_merge, merge, run_job};
 pub use line_data::{CoilFile, Coils, LineData};
 pub use log::{Stage, TrainingTimes};
 pub use machine::Machine;
-pub use next_command::{command_line, job_command, next_command, without_page};
+pub use next_command::{command_line, job_command, next_command, quoted, without_page};
 pub use notes::{Note, own_invariance_fault};
 pub use own_pairs::{NextStep, OwnTraining};
 pub use parse::parse;

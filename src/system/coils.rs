@@ -24,12 +24,18 @@ impl Coil {
     /// curve its error falls faster than any power of the number of points.
     ///
     /// # Errors
-    /// [`Error::CountOutOfRange`] of fewer than three points, [`Error::OutOfRange`] of a number that is not finite.
+    /// [`Error::CountOutOfRange`] of fewer than three points, [`Error::OutOfRange`] of a number that is not finite,
+    /// [`Error::Invalid`] when the last point is the first one again, or points go to and fro.
     pub fn of_points(points: &[[f64; 3]], current: f64) -> Result<Self, Error> {
         let count = points.len();
         Error::check_count_range("points of a coil", count, 3, MOST_POINTS)?;
         for v in points.iter().flatten().chain([&current]) {
             Error::check_finite("coil", *v)?;
+        }
+        if points[0] == points[count - 1] {
+            let found = "a last point that is the first one again";
+            let expected = "each point once: the curve closes by itself";
+            return Err(Error::invalid("points of a coil", found, expected));
         }
         let modes = count / 2 + 1;
         let (mut cosines, mut sines) = (vec![[0.0; 3]; modes], vec![[0.0; 3]; modes]);
@@ -45,7 +51,45 @@ impl Coil {
                 }
             }
         }
-        Ok(Self { cosines, sines, current, width: 0.0 })
+        let out = Self { cosines, sines, current, width: 0.0 };
+        // Not of the few points of a triangle or the like, whose highest mode is a low one.
+        let share = out.highest_modes();
+        if count >= SMOOTH_FROM && share > MOST_HIGHEST {
+            let found = format!("a share of {share:.1e} that goes to and fro from point to point");
+            let expected = format!("{MOST_HIGHEST} at most: points along a smooth curve, in order");
+            return Err(Error::invalid("points of a coil", found, expected));
+        }
+        Ok(out)
+    }
+
+    /// The largest amplitude of its highest eighth of modes, as a share of the largest of all.
+    fn highest_modes(&self) -> f64 {
+        let amplitude = |k: usize| {
+            let parts = self.cosines[k].iter().chain(&self.sines[k]);
+            libm::sqrt(parts.map(|v| v * v).sum::<f64>())
+        };
+        let largest = |from: usize| (from..self.cosines.len()).map(amplitude).fold(0.0, max_or_nan);
+        largest(self.cosines.len() * 7 / 8) / largest(1)
+    }
+
+    /// Points along it, and how far they may be from another curve that is the same.
+    fn outline(&self) -> Outline {
+        /// Points for each mode: between two, the curve is nearly straight.
+        const POINTS: usize = 16;
+        const FEWEST: usize = 256;
+        /// Of its size.
+        const SAME: f64 = 1e-3;
+        let wanted = POINTS * self.cosines.len();
+        let count = if wanted > FEWEST { wanted } else { FEWEST };
+        let points: Vec<[f64; 3]> =
+            (0..count).map(|k| self.at(k as f64 / count as f64).0).collect();
+        let spread = |axis: usize| {
+            let of = || points.iter().map(|point| point[axis]);
+            of().fold(f64::NEG_INFINITY, max_or_nan)
+                + of().map(|v| -v).fold(f64::NEG_INFINITY, max_or_nan)
+        };
+        let size = (0..3).map(spread).fold(0.0, max_or_nan);
+        Outline { points, near: SAME * size }
     }
 
     /// The point x(t) of the coil and dx/dt, in metres.
@@ -92,6 +136,55 @@ impl Coil {
     }
 }
 
+/// A coil as a closed polygon.
+struct Outline {
+    points: Vec<[f64; 3]>,
+    near: f64,
+}
+
+impl Outline {
+    /// Whether another curve lies on this one.
+    fn has(&self, other: &Self) -> bool {
+        /// Of the points of the other: more say no more of curves of so few modes.
+        const TESTED: usize = 32;
+        let near = self.near * self.near;
+        let ends = self.points.iter().zip(self.points.iter().cycle().skip(1));
+        let is_on = |point: &[f64; 3]| {
+            ends.clone().any(|(from, to)| square_distance(*point, *from, *to) <= near)
+        };
+        let step = (other.points.len() / TESTED).max(1);
+        other.points.iter().step_by(step).all(is_on)
+    }
+
+    /// Whether it has the direction of another curve on it.
+    fn runs_as(&self, other: &Self) -> bool {
+        let [here, there] = [other.points[0], other.points[1]];
+        let count = self.points.len();
+        let distance =
+            |k: usize| square_distance(here, self.points[k], self.points[(k + 1) % count]);
+        let nearest =
+            (1..count).fold(0, |best, k| if distance(k) < distance(best) { k } else { best });
+        let (from, to) = (self.points[nearest], self.points[(nearest + 1) % count]);
+        (0..3).map(|axis| (to[axis] - from[axis]) * (there[axis] - here[axis])).sum::<f64>() > 0.0
+    }
+}
+
+/// The square of the distance of a point from a straight piece of a line.
+fn square_distance(point: [f64; 3], from: [f64; 3], to: [f64; 3]) -> f64 {
+    let difference = |a: [f64; 3], b: [f64; 3]| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
+    let product = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let (along, off) = (difference(to, from), difference(point, from));
+    let length = product(along, along);
+    let part = if length > 0.0 { (product(off, along) / length).clamp(0.0, 1.0) } else { 0.0 };
+    let foot = [0, 1, 2].map(|axis| off[axis] - part * along[axis]);
+    product(foot, foot)
+}
+
+/// Fewer points of a coil than this are not judged by how smooth they are.
+const SMOOTH_FROM: usize = 16;
+/// The largest share of the highest mode of points along a smooth curve.
+const MOST_HIGHEST: f64 = 0.01;
+
 /// A coil is of no more points or modes than this.
 const MOST_POINTS: usize = 1 << 16;
 
@@ -128,20 +221,60 @@ impl CoilSet {
         self.with_more(currents)
     }
 
-    /// All coils of the machine.
+    /// All coils of the machine: those that are given and carry a current, and their images under its symmetries. A
+    /// coil that is its own image, such as a ring about the z axis, is there once.
     ///
     /// # Errors
-    /// When there is no coil with a current, or no or too many periods.
+    /// When there is no coil with a current, or no or too many periods; [`Error::Invalid`] when the image of a coil is
+    /// another one that is given, so that coils would be there several times, or a coil is given twice.
     pub fn all(&self) -> Result<Vec<Coil>, Error> {
         Error::check_count_range("periods", self.periods as usize, 1, 1000)?;
-        let carry = self.coils.iter().filter(|coil| coil.current != 0.0);
+        let carry: Vec<(usize, &Coil)> =
+            self.coils.iter().enumerate().filter(|(_, coil)| coil.current != 0.0).collect();
+        let outlines: Vec<Outline> = carry.iter().map(|(_, coil)| coil.outline()).collect();
         let mut all = Vec::new();
-        for coil in carry {
+        for (own, (number, coil)) in carry.iter().enumerate() {
+            let mut images: Vec<(Outline, f64)> = Vec::new();
             for period in 0..self.periods {
                 let angle = TAU * f64::from(period) / f64::from(self.periods);
-                all.push(coil.turned(angle, false));
-                if self.stellarator_symmetric {
-                    all.push(coil.turned(angle, true));
+                for flipped in [false, true] {
+                    if flipped && !self.stellarator_symmetric {
+                        continue;
+                    }
+                    let image = coil.turned(angle, flipped);
+                    let outline = image.outline();
+                    let others = outlines.iter().zip(&carry).enumerate();
+                    let mut others = others.filter(|(other, _)| *other != own);
+                    if let Some((_, (_, (other, _)))) =
+                        others.find(|(_, (given, _))| given.has(&outline))
+                    {
+                        let [first, second] = [number + 1, other + 1];
+                        let found = match (period, flipped) {
+                            (0, false) => format!("coil {first} and coil {second} on one curve"),
+                            _ => format!("coil {first}, an image of which is coil {second}"),
+                        };
+                        let expected = "coils none of which is an image of another: those of one field period, or of \
+                                        half of one with stellarator symmetry; of all coils of a machine, one period \
+                                        without it";
+                        return Err(Error::invalid("coils", found, expected));
+                    }
+                    match images.iter().find(|(known, _)| known.has(&outline)) {
+                        None => {
+                            images.push((outline, image.current));
+                            all.push(image);
+                        }
+                        Some((known, current))
+                            if known.runs_as(&outline) != (current * image.current > 0.0) =>
+                        {
+                            let found = format!(
+                                "coil {}, an image of which is itself against its current",
+                                number + 1
+                            );
+                            let expected = "coils whose currents have the symmetry of the machine";
+                            return Err(Error::invalid("coils", found, expected));
+                        }
+                        Some(_) => {}
+                    }
                 }
             }
         }

@@ -21,8 +21,9 @@ pub struct ActionTrial {
     /// The estimate from the nearest rotation.
     pub by_rotation: ActionFit,
     /// The actions that were tried, each with the held-out error of the plane that is learnt worst, as a share of how
-    /// far that plane moves (root mean squares); NaN for an action that could not be trained. Empty unless there are
-    /// [`ActionTrial::PLANES`] planes and at least [`ActionTrial::FEWEST`] pairs.
+    /// far that plane moves (root mean squares); NaN for an action that could not be trained. Empty of one plane, which
+    /// has one action, of fewer than [`ActionTrial::FEWEST`] pairs, and of more than [`ActionTrial::PLANES`] planes
+    /// where the nearest rotation is not sure.
     pub errors: Vec<(TorusAction, f64)>,
 }
 
@@ -33,8 +34,9 @@ impl ActionTrial {
     pub const PAIRS: usize = 400;
     /// Errors that are a smaller share than this are rounding.
     const ROUNDING: f64 = 1e-6;
-    /// The number of planes for which actions are tried. With more, a few iterations do not decide: for two modes and
-    /// a particle, whose action is `0,1,2`, networks with `0,0,1` have a smaller error.
+    /// The largest number of planes of which a trial chooses. With more, a few iterations do not decide: for two modes
+    /// and a particle, whose action is `0,1,2`, networks with `0,0,1` have a smaller error. There a trial says no more
+    /// than that the action of the nearest rotation is not sure.
     pub const PLANES: usize = 2;
     /// The smallest number of pairs that allows a choice.
     pub const FEWEST: usize = 100;
@@ -80,9 +82,13 @@ impl ActionTrial {
         mut error: impl FnMut(&TorusAction) -> Result<f64, Error>,
     ) -> Result<Self, Error> {
         let mut errors = Vec::new();
-        let (planes, wanted) =
-            (by_rotation.angles.len(), actions.len() > 1 && pairs >= Self::FEWEST);
-        for action in actions.into_iter().filter(|_| wanted && planes == Self::PLANES) {
+        let planes = by_rotation.angles.len();
+        let decides = planes <= Self::PLANES || by_rotation.is_sure();
+        let wanted = actions.len() > 1 && pairs >= Self::FEWEST && decides;
+        for action in actions.into_iter().filter(|_| wanted) {
+            if planes > Self::PLANES && action.circles().len() > 1 {
+                continue;
+            }
             let error = error(&action)?;
             errors.push((action, error));
         }
@@ -131,13 +137,21 @@ impl ActionTrial {
     }
 
     /// The action, if the pairs determine it. It is that of the nearest rotation, if this is sure and no other action
-    /// has an error three times smaller; otherwise the one whose error is smallest by a factor of two. Several
-    /// circles can do whatever one of them can, so that an action with more circles has to be better by these
-    /// factors.
+    /// has an error three times smaller; otherwise, of two planes, the one whose error is smallest by a factor of two.
+    /// Several circles can do whatever one of them can, so that an action with more circles has to be better by these
+    /// factors. Of two planes or more whose actions were not tried there is none: the nearest rotation does not see
+    /// whole turns.
     pub fn chosen(&self) -> Option<TorusAction> {
         let sure = self.by_rotation.is_sure().then(|| self.by_rotation.action().clone().into());
+        let planes = self.by_rotation.angles.len();
+        if planes > 1 && self.errors.is_empty() {
+            return None;
+        }
         if !self.is_learnt() || sure.as_ref().is_some_and(|sure| self.is_within(Self::FAR, sure)) {
             return sure;
+        }
+        if planes > Self::PLANES {
+            return None;
         }
         let good = || {
             let all = self.errors.iter().map(|(action, _)| action);
@@ -174,7 +188,9 @@ impl ActionTrial {
             }
             (None, false) => format!("{tried}; {}", self.by_rotation.describe()),
             (None, true)
-                if self.errors.is_empty() && self.by_rotation.angles.len() == Self::PLANES =>
+                if self.errors.is_empty()
+                    && (self.by_rotation.is_sure()
+                        || self.by_rotation.angles.len() == Self::PLANES) =>
             {
                 format!(
                     "it takes {} pairs to try actions by short trainings; {}",

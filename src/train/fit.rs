@@ -1,10 +1,10 @@
 //! From pairs to a model: the one way of the program, of Python and of library users.
 
 use super::{
-    ActionFit, ActionTrial, Control, ControlOptions, Judgement, LevenbergMarquardtOptions, Loss,
-    MirrorDefect, Optimiser, Outcome, Plateau, Preparation, Prepared, Progress, RampStage, Reading,
-    ReversalDefect, Rings, Scheduled, StageData, Starts, TrainingObserver, TrainingOptions,
-    TrainingStage, train_schedule,
+    ActionFit, ActionTrial, AreaDefect, Control, ControlOptions, Judgement,
+    LevenbergMarquardtOptions, Loss, MirrorDefect, Optimiser, Outcome, Plateau, Preparation,
+    Prepared, Progress, RampStage, Reading, ReversalDefect, Rings, Scheduled, StageData, Starts,
+    TrainingObserver, TrainingOptions, TrainingStage, train_schedule,
 };
 use crate::error::Error;
 use crate::flow::{Condition, FormDefect, Pairs, Region, TwoFits};
@@ -135,6 +135,9 @@ impl From<Pairs> for FamilyPairs {
     }
 }
 
+/// The largest relative error of a density of a section that is not warned of.
+const SURE_DENSITY: f64 = 1e-6;
+
 /// A note on what a fit found or chose.
 #[derive(Clone, Debug, PartialEq)]
 pub enum FitNote {
@@ -174,7 +177,16 @@ impl fmt::Display for FitNote {
                 "{count} of {all} pairs have ε below 0. ε keeps its sign: it multiplies what the \
                  network adds to the rotation, and a prediction for these pairs needs the same sign"
             ),
-            Self::Section(section) => f.write_str(&section.describe()),
+            Self::Section(section) => {
+                f.write_str(&section.describe())?;
+                match self.is_warning() {
+                    true => f.write_str(
+                        ". Whether the pairs keep its area cannot be told to more than that: take a density on a \
+                         finer grid, or a smoother one",
+                    ),
+                    false => Ok(()),
+                }
+            }
             Self::Controls(controls, held_out) => {
                 write!(f, "{}. ", controls.describe())?;
                 match held_out {
@@ -216,11 +228,17 @@ impl FitNote {
             | Self::Form(..)
             | Self::Reversal(_)
             | Self::Mirror(_) => true,
-            Self::Action(_)
-            | Self::Units(_)
-            | Self::Section(_)
-            | Self::Controls(..)
-            | Self::Recommended(_) => false,
+            Self::Section(section) => !(section.error() <= SURE_DENSITY),
+            Self::Action(_) | Self::Units(_) | Self::Controls(..) | Self::Recommended(_) => false,
+        }
+    }
+
+    /// What it says on areas.
+    pub fn area_defect(&self) -> Option<AreaDefect> {
+        match self {
+            Self::Form(defect, _) => Some(AreaDefect::Pairs(defect.median)),
+            Self::Section(section) => Some(AreaDefect::Density(section.error())),
+            _ => None,
         }
     }
 
@@ -720,9 +738,9 @@ struct Family {
 impl Family {
     fn new(fit: &Fit, data: &FamilyPairs) -> Self {
         let &FamilyPairs { has_epsilons, has_times, ref pairs } = data;
-        let largest = |of: fn(&Condition) -> f64| {
-            pairs.conditions().iter().map(of).max_by(|a, b| a.abs().total_cmp(&b.abs()))
-        };
+        // Of both signs, the positive one.
+        let order = |a: &f64, b: &f64| a.abs().total_cmp(&b.abs()).then(a.total_cmp(b));
+        let largest = |of: fn(&Condition) -> f64| pairs.conditions().iter().map(of).max_by(order);
         let epsilon = largest(|condition| condition.epsilon).filter(|_| has_epsilons);
         let time = largest(|condition| condition.time).filter(|_| has_times);
         Self {
@@ -975,6 +993,7 @@ impl Fitted {
     /// Those of [`Judgement::of`].
     pub fn judgement(&self) -> Result<Judgement, Error> {
         let (pairs, held_out) = (&self.problem.pairs, self.problem.held_out.as_ref());
-        Judgement::of(self.outcome(), pairs, held_out, self.nearest())
+        let judgement = Judgement::of(self.outcome(), pairs, held_out, self.nearest())?;
+        Ok(judgement.with_area_defects(self.problem.notes.iter().filter_map(FitNote::area_defect)))
     }
 }

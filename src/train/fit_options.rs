@@ -63,7 +63,7 @@ pub struct FitOptions {
     /// The name of an architecture, with its default sizes.
     pub architecture: Option<String>,
     /// A network as a list of blocks, in place of an architecture with a name.
-    pub blocks: Vec<Block>,
+    pub blocks: Option<Vec<Block>>,
     /// Sizes of parts of the network, by their keys, such as `kicks`. Without an architecture they choose one that has
     /// all these parts.
     pub sizes: Vec<(&'static str, LayerSizes)>,
@@ -144,16 +144,19 @@ impl FitOptions {
     fn network(&self, before: Option<NetworkSpec>) -> Result<Option<NetworkSpec>, Error> {
         let keys: Vec<&str> = self.sizes.iter().map(|(key, _)| *key).collect();
         let has_parts = self.radius.is_some() || self.reversor.is_some();
-        let network = match (&self.architecture, before) {
-            (Some(name), _) if !self.blocks.is_empty() => {
+        let network = match (&self.blocks, &self.architecture, before) {
+            (Some(_), Some(name), _) => {
                 return Err(Error::invalid("architecture", name, "none beside blocks"));
             }
-            _ if !self.blocks.is_empty() => NetworkSpec::of_blocks(self.blocks.clone()),
-            (Some(name), _) => NetworkSpec::named(name)?,
-            (None, Some(network)) => network,
-            (None, None) if keys.is_empty() && !has_parts => return Ok(None),
-            (None, None) if keys.is_empty() => NetworkSpec::named("normal-form")?,
-            (None, None) => NetworkSpec::with_parts(&keys)?,
+            (Some(blocks), ..) if blocks.is_empty() => {
+                return Err(Error::invalid("blocks", "none", "at least one"));
+            }
+            (Some(blocks), ..) => NetworkSpec::of_blocks(blocks.clone()),
+            (None, Some(name), _) => NetworkSpec::named(name)?,
+            (None, None, Some(network)) => network,
+            (None, None, None) if keys.is_empty() && !has_parts => return Ok(None),
+            (None, None, None) if keys.is_empty() => NetworkSpec::named("normal-form")?,
+            (None, None, None) => NetworkSpec::with_parts(&keys)?,
         };
         if network.is_of_file() {
             return Err(Error::invalid("network", "that of a file", "one to train"));

@@ -146,6 +146,25 @@ pub fn worst(planes: &[PlaneError]) -> usize {
     })
 }
 
+/// How far pairs are from those of a map that keeps areas.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum AreaDefect {
+    /// The share by which one step changes them.
+    Pairs(f64),
+    /// The relative error of the density of their section.
+    Density(f64),
+}
+
+/// The verdict that follows from reasons against a plain yes.
+fn verdict(no: &[String], long: &[String], care: &[String]) -> &'static str {
+    match (no.is_empty(), long.is_empty(), care.is_empty()) {
+        (true, true, true) => "yes, within the box of the pairs",
+        (true, true, false) => "with care, within the box of the pairs",
+        (true, false, _) => "for single steps within the box of the pairs, not for long orbits",
+        (false, ..) => "no",
+    }
+}
+
 /// The judgement of a training by pairs that are held out, plane by plane.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Judgement {
@@ -317,14 +336,8 @@ impl Judgement {
         }
         let fault = own.as_ref().and_then(OwnInvariance::fault);
         care.extend(fault);
-        let verdict = match (no.is_empty(), long.is_empty(), care.is_empty()) {
-            (true, true, true) => "yes, within the box of the pairs",
-            (true, true, false) => "with care, within the box of the pairs",
-            (true, false, _) => "for single steps within the box of the pairs, not for long orbits",
-            (false, ..) => "no",
-        };
         Ok(Self {
-            verdict,
+            verdict: verdict(&no, &long, &care),
             too_few: first,
             error: share_text,
             no,
@@ -339,6 +352,28 @@ impl Judgement {
             swings,
             own,
         })
+    }
+
+    /// The same judgement for pairs that change areas by this share in a step, or whose areas are known to no more
+    /// than it: a reason not to trust long orbits, if it comes to one per cent or more in 1000 steps.
+    #[must_use]
+    pub fn with_area_defects(mut self, defects: impl IntoIterator<Item = AreaDefect>) -> Self {
+        let matters = |share: f64| !(STEPS as f64 * share <= LITTLE);
+        let words = |defect| match defect {
+            AreaDefect::Pairs(share) if matters(share) => Some(format!(
+                "the pairs change areas by {share:.1e} a step, which the network keeps exactly: in {STEPS} steps this \
+                 may come to {}",
+                percent(STEPS as f64 * share)
+            )),
+            AreaDefect::Density(share) if matters(share) => Some(format!(
+                "the density of the section errs by {share:.1e}: the areas that the network keeps are known to no \
+                 more than that"
+            )),
+            AreaDefect::Pairs(_) | AreaDefect::Density(_) => None,
+        };
+        self.no_long_orbits.extend(defects.into_iter().filter_map(words));
+        self.verdict = verdict(&self.no, &self.no_long_orbits, &self.care);
+        self
     }
 
     /// Whether the verdict is a plain yes.

@@ -48,7 +48,7 @@ pub use checkpoint::Checkpoint;
 pub use control_options::ControlOptions;
 pub use fit::{Earlier, FamilyPairs, Fit, FitNote, Fitted, InitialModels, Problem, StagePairs};
 pub use fit_options::{FitOptions, Recipe};
-pub use judgement::{Judgement, Limit, Orbits, PlaneError, Trust};
+pub use judgement::{AreaDefect, Judgement, Limit, Orbits, PlaneError, Trust};
 pub use lbfgs::{LbfgsOptions, Scaling};
 pub use levenberg_marquardt::LevenbergMarquardtOptions;
 pub use loss::{Loss, Objective};

@@ -6,10 +6,17 @@ use crate::network::{Architecture, Structure};
 use crate::scalar::median_or_nan;
 use std::fmt;
 
-/// A defect is seen if it is this many times the difference of two fits.
+/// A defect is seen if it is this many times the difference of two fits, …
 const ABOVE: f64 = 5.0;
+/// … and more than this part of the motion: less is put down to errors of the pairs, which both fits have in common,
+/// and changes nothing that is fitted to them.
+const LEAST: f64 = 1e-9;
 /// Fits that differ by more than this know too little to recommend anything.
 const KNOWN: f64 = 1e-3;
+
+fn is_seen(median: f64, resolution: f64) -> bool {
+    !(median <= ABOVE * resolution || median <= LEAST)
+}
 
 /// How far pairs (z, w) are from those of a reversible map F, F(Sw) = Sz, measured by polynomial maps that are fitted
 /// to them.
@@ -39,7 +46,7 @@ impl ReversalDefect {
 
     /// Whether the pairs are visibly not those of a map that is reversible by S. A NaN counts as visible.
     pub fn is_seen(&self) -> bool {
-        !(self.median <= ABOVE * self.resolution)
+        is_seen(self.median, self.resolution)
     }
 
     /// A defect worth reporting for a network of this architecture, if any: either its reversor is not that of the
@@ -129,7 +136,7 @@ impl MirrorDefect {
 
     /// Whether the pairs are visibly not those of a map that commutes with M. A NaN counts as visible.
     pub fn is_seen(&self) -> bool {
-        !(self.median <= ABOVE * self.resolution)
+        is_seen(self.median, self.resolution)
     }
 
     /// A defect worth reporting: of the planes that are claimed, or, where none is, a plane of several that could be.

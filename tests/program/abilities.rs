@@ -87,6 +87,9 @@ struct PairsOf {
     epsilons: Vec<f64>,
     #[serde(default)]
     times: Vec<f64>,
+    /// Of each map.
+    #[serde(default = "few")]
+    count: usize,
 }
 
 fn one() -> f64 {
@@ -299,9 +302,11 @@ const CASES: &[Case] = &[
     ("an interruption", |_| ()),
 ];
 
-impl PairsOf {
-    const COUNT: usize = 60;
+fn few() -> usize {
+    60
+}
 
+impl PairsOf {
     /// Pairs of each map in the usual order of columns and in units of order one, and the ε and the flow time of each.
     fn maps(&self) -> (Pairs, Option<[Vec<f64>; 2]>) {
         let or = |values: &[f64], usual: f64| {
@@ -311,7 +316,7 @@ impl PairsOf {
         let is_family = epsilons.len() * times.len() > 1;
         let (mut input, mut output) = (Vec::new(), Vec::new());
         let mut conditions = [Vec::new(), Vec::new()];
-        let window = Window { low: vec![-1.0; 4], high: vec![1.0; 4], samples: Self::COUNT };
+        let window = Window { low: vec![-1.0; 4], high: vec![1.0; 4], samples: self.count };
         for &epsilon in &epsilons {
             for &time in &times {
                 let seed = conditions[0].len() as u64;
@@ -320,8 +325,8 @@ impl PairsOf {
                     .expect("a flow");
                 input.extend_from_slice(pairs.input());
                 output.extend_from_slice(pairs.output());
-                conditions[0].extend([epsilon; Self::COUNT]);
-                conditions[1].extend([time; Self::COUNT]);
+                conditions[0].extend(vec![epsilon; self.count]);
+                conditions[1].extend(vec![time; self.count]);
             }
         }
         let pairs = Pairs::new("pairs", 2, input, output).expect("finite");

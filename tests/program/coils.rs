@@ -78,9 +78,17 @@ network = { kind = "normal-form", reversor = "positions", kicks = { count = 3, w
 weights = { kind = "normal", scale = 0.15 }
 "#;
 
-/// The coils of the torsatron as a file has them.
+/// The coils of the torsatron whose images under turns by a period are all of them: a winding, whose image is the
+/// other, and the rings.
+fn of_a_period() -> Vec<Coil> {
+    let mut coils = Torsatron::default().coils().expect("sound").coils;
+    coils.remove(1);
+    coils
+}
+
+/// These coils as a file has them.
 fn write_coils(path: &Path) -> Vec<f64> {
-    let coils = Torsatron::default().coils().expect("sound").coils;
+    let coils = of_a_period();
     write_modes(path, &coils);
     coils.iter().map(|coil| coil.current).collect()
 }
@@ -197,7 +205,7 @@ fn a_scene_of_coils_is_run_and_its_model_predicts_lines() {
     let currents: Vec<String> = currents.iter().map(f64::to_string).collect();
     let currents = currents.join(",");
     let own = ["--coils", "coils.dat", "--currents", &currents, "--field-periods", "10"];
-    // In the file is the whole machine, which periods make ten times. What is found of it before lines are lost:
+    // What is found of it before lines are lost:
     let run =
         ["run", "both.toml", "--out", "b", "--asymmetric", "--axis", "3.95,0", "--reach", "0.9"];
     refuses(path, &[&run[..], &own[..4]].concat(), &["--field-periods"]);
@@ -213,6 +221,21 @@ fn a_scene_of_coils_is_run_and_its_model_predicts_lines() {
     assert!(as_run.contains("jolts") && !as_run.contains("reversor"), "{as_run}");
     assert!(said.contains("reversible polynomial of degree 9 is left out"), "{said}");
     assert!(!as_run.contains("reversible_polynomials = [9]"), "{as_run}");
+
+    // Of networks that are all reversible none would be left: they are trained without it.
+    let only = scene(r#"{ kind = "torsatron" }"#).replacen(
+        "kind = \"normal-form\", ",
+        "kind = \"normal-form\", reversor = \"positions\", ",
+        1,
+    );
+    std::fs::write(path.join("only.toml"), only).expect("written");
+    let run = ["run", "only.toml", "--out", "d", "--section-at", "0.3", "--reach", "0.9"];
+    std::fs::create_dir(path.join("d")).expect("made");
+    std::fs::write(path.join("d/notes.txt"), "mine").expect("written");
+    let said = text(&call(path, &run).stderr);
+    assert!(said.contains("model jolts is trained without its reversor"), "{said}");
+    let as_run = std::fs::read_to_string(path.join("d/as-run.toml")).expect("a scene");
+    assert!(as_run.contains("jolts") && !as_run.contains("reversor"), "{as_run}");
 
     // In a scene of your own it is a mistake that is said.
     let between = both.replace("lines = 24,", "section = 0.25, lines = 24,");
@@ -564,15 +587,47 @@ fn lines_of_a_tokamak_are_learnt() {
     refuses(path, &["run", "bad.toml"], &["coils.plasma_width", "-1"]);
 }
 
+/// Lines beyond the last surface are left out, and this is said with where the first of them begins.
+#[test]
+fn lost_lines_are_said() {
+    let folder = folder();
+    let path = folder.path();
+    let far = training_alone(&scene(r#"{ kind = "torsatron" }"#))
+        .replace("lines = 24, reach = 0.05, error = 1e-6", "lines = 12, reach = 0.22, error = 1e-4")
+        .replace("orbit = 48", "orbit = 40")
+        .replace("iterations = 40\n", "iterations = 2\n")
+        .replace("ramp = [{ degree = 3, iterations = 20 }]\n", "");
+    std::fs::write(path.join("far.toml"), far).expect("written");
+    let run = succeeds(path, &["run", "far.toml", "--out", "a"]);
+    // Beside the lines themselves, traced here.
+    let coils = Torsatron::default().coils().expect("sound").all().expect("coils");
+    let guess = Some([3.95, 0.0]);
+    let request = LineRequest { phi: 0.0, angle: TAU / 10.0, reach: 0.22, guess, error: 1e-4 };
+    let section = LineSection::new(&coils, request).expect("a section");
+    let starts = section.starts(12);
+    let states = section.map().trajectories(&starts, 40).expect("lines");
+    let end = states[states.len() - starts.len()..].chunks_exact(2).zip(starts.chunks_exact(2));
+    let lost: Vec<f64> =
+        end.filter(|(z, _)| z[0].is_nan()).map(|(_, start)| start[0] - section.axis()[0]).collect();
+    assert!((1..6).contains(&lost.len()), "{lost:?}");
+    let words = format!(
+        "{} lines are lost or run into a coil, and left out: the nearest to the axis begins {:.6} m",
+        lost.len(),
+        lost[0]
+    );
+    let report = std::fs::read_to_string(path.join("a/report.md")).expect("a report");
+    assert!(report.contains(&words), "{words}: {report}");
+    let said = text(&run.stdout).split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(said.contains(&words), "{said}");
+}
+
 /// A small ring that carries next to no current, beside the outermost lines: they are where points of coils do not act
 /// as a line, and no pairs are made of them.
 #[test]
 fn lines_that_come_too_near_a_coil_are_left_out() {
     let folder = folder();
     let path = folder.path();
-    let mut coils = Torsatron::default().coils().expect("sound").coils;
-    // In the file is the whole machine, which periods make ten times.
-    coils.iter_mut().for_each(|coil| coil.current /= 10.0);
+    let mut coils = of_a_period();
     let whole = |coils: &[Coil]| {
         let set = CoilSet { coils: coils.to_vec(), periods: 10, stellarator_symmetric: false };
         set.all().expect("coils")

@@ -1,6 +1,6 @@
 //! Pairs of a surface of section whose area form is not dq∧dp: from a file of its density to predictions.
 
-use crate::helpers::{folder, refuses, succeeds, text};
+use crate::helpers::{call, folder, refuses, succeeds, text};
 use gyroceptron::flow::{LineMap, Pairs};
 use gyroceptron::io::{
     load_model, read_points, read_section, read_trajectories, write_pairs, write_points,
@@ -104,7 +104,7 @@ fn a_section_is_charted_and_its_points_are_predicted() {
     let fit = ["fit", "--data", "pairs.npz", "--degree", "6", "--output"];
     let charted = [&fit[..], &["polynomial.json", "--section", "section.npz"]].concat();
     let said = text(&succeeds(folder, &charted).stderr);
-    assert!(!said.contains("do not keep") && !said.contains("network"), "{said}");
+    assert!(!said.contains("do not keep") && !said.contains("the network"), "{said}");
     let said = text(&succeeds(folder, &[&fit[..], &["plain.json"]].concat()).stderr);
     assert!(said.contains("do not keep dq∧dp"), "{said}");
     let error_of = |model: &str| {
@@ -205,6 +205,74 @@ fn pairs_that_keep_no_area_are_told() {
         let report = std::fs::read_to_string(report.join("report.md")).expect("a report");
         assert!(report.contains(words), "{report}");
     }
+    // With weights that err little the verdict is on single steps.
+    for (section, expected) in [
+        ("uniform.npz", "for single steps within the box of the pairs, not for long orbits"),
+        ("section.npz", "yes, within the box of the pairs"),
+    ] {
+        let more = ["--section", section, "--overwrite", "--output", "model.json"];
+        let said = text(&succeeds(folder, &train(&more)).stdout);
+        let said = said.split_whitespace().collect::<Vec<_>>().join(" ");
+        assert!(said.contains(expected), "{said}");
+        assert_eq!(said.contains("change areas by"), section == "uniform.npz", "{said}");
+    }
+}
+
+/// A line that leaves the box of the section is NaN from there on, and the others are as without it.
+#[test]
+fn lines_that_leave_the_section_are_nan() {
+    let folder = folder();
+    let folder = folder.path();
+    let pairs = write_files(folder);
+    succeeds(folder, &train(&["--section", "section.npz", "--output", "model.json"]));
+    let fit = ["fit", "--data", "pairs.npz", "--section", "section.npz", "--degree", "7"];
+    succeeds(folder, &[&fit[..], &["--output", "polynomial.json"]].concat());
+    // Near the corner of the box, and by itself.
+    let (inside, outside) = (&pairs.input()[..2], [HIGH[0] - 1e-3, HIGH[1] - 1e-3]);
+    write_points(&folder.join("two.npy"), &[2, 2], &[inside, &outside].concat()).expect("written");
+    write_points(&folder.join("one.npy"), &[1, 2], inside).expect("written");
+    let predict = |model: &str, input: &str, more: &[&str]| {
+        let words = ["predict", "--model", model, "--input", input, "--steps", "40"];
+        let all = [&words[..], &["--output", "out.npy", "--overwrite"], more].concat();
+        call(folder, &all)
+    };
+    for model in ["model.json", "polynomial.json"] {
+        let found = predict(model, "one.npy", &[]);
+        assert_eq!(found.status.code(), Some(0), "{}", text(&found.stderr));
+        let alone = read_trajectories(&folder.join("out.npy"), 1).expect("finite");
+        let found = predict(model, "two.npy", &[]);
+        let said = text(&found.stderr);
+        assert_eq!(found.status.code(), Some(0), "{model}: {said}");
+        assert!(
+            said.contains("outside the box of the section") && said.contains("rows 1"),
+            "{said}"
+        );
+        let states = npy_values(&folder.join("out.npy"));
+        assert_eq!(states.len(), 41 * 4);
+        let mut lost = false;
+        for t in 0..41 {
+            let row = &states[4 * t..4 * t + 4];
+            assert_eq!(&row[..2], alone.state(t, 0), "{model}, {t}");
+            assert_eq!(row[2].is_nan(), row[3].is_nan());
+            // Once lost it stays lost.
+            assert!(!lost || row[2].is_nan(), "{model}, {t}");
+            lost |= row[2].is_nan();
+        }
+        assert!(lost, "{model}");
+        std::fs::remove_file(folder.join("out.npy")).expect("removed");
+        let stopped = predict(model, "two.npy", &["--outside", "stop"]);
+        assert_eq!(stopped.status.code(), Some(1), "{}", text(&stopped.stderr));
+        assert!(!folder.join("out.npy").exists());
+    }
+}
+
+/// The numbers of an array file, whatever they are.
+fn npy_values(path: &Path) -> Vec<f64> {
+    let bytes = std::fs::read(path).expect("a file");
+    let size = bytes.len() as u64;
+    gyroceptron::io::internals::read_array("out.npy", &mut &bytes[..], size)
+        .expect("an array")
+        .values
 }
 
 #[test]

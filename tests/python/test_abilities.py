@@ -19,13 +19,13 @@ TABLE = tomllib.loads((pathlib.Path(__file__).parents[1] / "abilities.toml").rea
 ABILITIES = {row["name"]: row for row in TABLE["ability"]}
 
 
-def arrays(columns=None, scale=1.0, epsilons=(), times=()):
+def arrays(columns=None, scale=1.0, epsilons=(), times=(), count=60):
     """The arrays of pairs, as the program reads them."""
     family = len(epsilons) + len(times) > 0
     parts = []
     for number, (epsilon, time) in enumerate((e, t) for e in epsilons or [0.05] for t in times or [0.7]):
-        points = np.random.default_rng(number).uniform(-1, 1, (60, 4))
-        parts.append((points, flow(points, epsilon, time), np.full(60, epsilon), np.full(60, time)))
+        points = np.random.default_rng(number).uniform(-1, 1, (count, 4))
+        parts.append((points, flow(points, epsilon, time), np.full(count, epsilon), np.full(count, time)))
     of = dict(zip(["input", "output", "epsilon", "flow_time"], map(np.concatenate, zip(*parts)), strict=True))
     for name in ("input", "output"):
         of[name] = scale * of[name][:, columns or [0, 1, 2, 3]]

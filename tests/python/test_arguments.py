@@ -58,6 +58,20 @@ def test_what_is_no_real_number_is_refused(pairs, model):
         gyroceptron.train(pairs[0], pairs[1] + 0j, [1, 0])
     with pytest.raises(gyroceptron.Error, match="output: .*3 dimensions"):
         gyroceptron.train(pairs[0], pairs[1][None], [1, 0])
+    each = np.full(len(pairs[0]), 0.1)
+    for name in ("epsilon", "flow_time", "loss_weights"):
+        for wrong, word in [(each + 1j, "complex128"), (np.ma.masked_array(each), "masked"), (each[None], "shape")]:
+            with pytest.raises(gyroceptron.Error, match=f"{name}: .*{word}"):
+                gyroceptron.train(*pairs, [1, 0], **{name: wrong})
+    for name, wrong in [("kicks", [3]), ("kicks", (2, [1, "many"])), ("ramp", [(1.0,)])]:
+        with pytest.raises(TypeError, match=rf"'{name}': expected .*, found \("):
+            gyroceptron.train(*pairs, [1, 0], **{name: wrong})
+    with pytest.raises(gyroceptron.Error, match="blocks: .*at least one"):
+        gyroceptron.train(*pairs, [1, 0], blocks=[])
+    bad = [{"layer": "twist", "widths": [2]}, {"layer": "twist", "widths": [2], "part": "conjugaton"}]
+    with pytest.raises(gyroceptron.Error, match=r"blocks\[1\]: .*conjugaton") as refused:
+        gyroceptron.train(*pairs, [1, 0], blocks=bad)
+    assert "line 1" not in str(refused.value)
     with pytest.raises(gyroceptron.Error, match=r"points: row 1, column 2"):
         model.inverse([[[0, 0, 0, 0]], [[0, 0, np.inf, 0]]])
     whole = np.array([[0, 0, 1, 0]])

@@ -60,6 +60,8 @@ def test_derivatives_are_those_of_differences(model):
     by_differences = slope(lambda by: model.at(coil=0.2 + by).predict(flat)[1]).reshape(4, 5, 2)
     assert np.abs(exact[..., 0] - by_differences).max() < 1e-10
     orbit = model.orbit_response([0.0, 0.0], coil=0.2)
+    with pytest.raises(gyroceptron.Error, match="orbit of period 1"):
+        model.orbit_response([0.0, 0.0], 3, coil=0.2)
     there = [slope(lambda by, k=k: model.at(coil=0.2 + by).periodic_orbits(orbit["points"])[0]["points"][0][k]) for k in (0, 1)]
     assert np.abs(orbit["moved"][:, 0] - there).max() < 1e-8
     trace = slope(lambda by: model.at(coil=0.2 + by).periodic_orbits(orbit["points"])[0]["trace"])

@@ -2,6 +2,7 @@
 
 import copy
 import pickle
+import warnings
 
 import numpy as np
 import pytest
@@ -195,14 +196,17 @@ def torsatron():
 def test_coils_are_read_by_points(lines, tmp_path):
     path = tmp_path / "coils.npz"
     np.savez(path, points=torsatron())
-    # All coils are there: ten periods make ten times as many in their places.
     currents = [5e6, 5e6, -3e6, -3e6]
+    with pytest.raises(gyroceptron.Error, match="coil 1, an image of which is coil 2"):
+        gyroceptron.FieldLines(path, currents, 10, stellarator_symmetric=False)
+    # The image of a winding is the other one.
+    np.savez(path, points=torsatron()[[0, 2, 3]])
     made = gyroceptron.FieldLines(
-        path, currents, 10, stellarator_symmetric=False, reach=0.02, error=1e-3
+        path, currents[1:], 10, stellarator_symmetric=False, reach=0.02, error=1e-3
     )
     assert np.abs(np.subtract(made.axis, lines.axis)).max() < 1e-4
     assert abs(made.turns - lines.turns) < 1e-3
-    with pytest.raises(gyroceptron.Error, match="currents: expected 4, found 1"):
+    with pytest.raises(gyroceptron.Error, match="currents: expected 3, found 1"):
         gyroceptron.FieldLines(path, [1.0], 10)
     np.savez(path, points=torsatron()[0])
     with pytest.raises(gyroceptron.Error, match="points of each of C coils"):
@@ -214,12 +218,12 @@ def test_coils_are_read_by_points(lines, tmp_path):
 
 def test_the_field_is_that_of_biot_and_savart(tmp_path):
     path = tmp_path / "coils.npz"
-    np.savez(path, points=torsatron())
+    np.savez(path, points=torsatron()[[0, 2, 3]])
     currents = np.array([5e6, 5e6, -3e6, -3e6])
     made = gyroceptron.FieldLines(
-        path, currents, 10, stellarator_symmetric=False, reach=0.02, error=1e-3
+        path, currents[1:], 10, stellarator_symmetric=False, reach=0.02, error=1e-3
     )
-    # The law itself, of the formulas of the coils; each coil is there ten times.
+    # The law itself, of the formulas of the coils.
     t = 2 * np.pi * np.arange(3000) / 3000
     coils = []
     for shift in (0, np.pi):
@@ -238,7 +242,7 @@ def test_the_field_is_that_of_biot_and_savart(tmp_path):
     for (at, tangent), current in zip(coils, currents, strict=True):
         away = places[:, None] - at
         cross = np.cross(tangent, away) / np.linalg.norm(away, axis=2)[..., None] ** 3
-        law += 1e-7 * 10 * current * cross.mean(1) * 2 * np.pi
+        law += 1e-7 * current * cross.mean(1) * 2 * np.pi
     field = made.field(places)
     # As exact as points along the coils are for the error that was asked for.
     assert np.abs(field - law).max() < 1e-3 * np.abs(law).max()
@@ -318,10 +322,71 @@ def test_bad_lines_are_refused(lines, tmp_path):
     refused("short.dat:2", short, [1.0], 5)
     with pytest.raises(gyroceptron.Error, match="columns"):
         lines.trace([[1.0, 2.0, 3.0]], 2)
-    # On a coil.
-    assert np.isnan(lines.trace([3.9 + 0.975, 0.0], 2)[1:]).all()
+    # On a coil, and one that stays.
+    places = [[3.9 + 0.975, 0.0], [3.96, 0.0]]
+    with pytest.warns(UserWarning, match=r"1 of 2 lines leave the machine.*row 0 .*in map 1"):
+        states = lines.trace(places, 2)
+    assert np.isnan(states[1:, 0]).all() and np.isfinite(states[:, 1]).all()
+    jacobians = lines.jacobian(places)
+    assert np.isnan(jacobians[0]).all() and abs(np.linalg.det(jacobians[1]) - 1) < 0.1
+    distances = lines.distance_to_coils(places, 3)
+    assert distances.shape == (2,) and np.isnan(distances[0]) and 0.3 < distances[1] < 1.0
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        lines.trace(places[1], 2)
     with pytest.raises(gyroceptron.Error, match="states"):
         gyroceptron.InvariantCircle(np.zeros((10, 2)), 0.1)
+    # What is no mirror plane has no line of symmetry, nor has R = 0.
+    for section, reversor in [(0.25, "positions"), (0.0, "momenta")]:
+        made = gyroceptron.FieldLines(section=section, reach=0.02, error=1e-3)
+        with pytest.raises(gyroceptron.Error, match="mirror plane"):
+            made.symmetric_orbits(reversor, 3.9, 4.0)
+    # An orbit of another period than the one that was asked for.
+    with pytest.raises(gyroceptron.Error, match=r"orbit of period 1, at \(3\.957"):
+        lines.island(lines.axis, 3, around=[lines.axis[0], 0.01])
+
+
+def test_a_map_of_a_turn_counts_whole_turns(lines):
+    turn = gyroceptron.FieldLines(periods=10, reach=0.02, error=1e-4)
+    assert turn.turns == pytest.approx(10 * lines.turns, abs=1e-4) and abs(turn.turns) > 0.5
+    orbit = turn.trace(turn.starts(1)[0], 100)
+    found, _ = gyroceptron.rotation_number(orbit, tuple(turn.axis), turn.turns)
+    assert found == pytest.approx(turn.turns, abs=5e-3)
+
+
+def test_pairs_of_a_mirror_plane_are_reversible(lines):
+    """Errors of tracing are a smooth function of the points, and no sign of another map."""
+    states = lines.trace(lines.starts(12), 60)
+    before, after = states[:-1].reshape(-1, 2), states[1:].reshape(-1, 2)
+    with warnings.catch_warnings(record=True) as found:
+        warnings.simplefilter("always")
+        gyroceptron.SymplecticPolynomial(before, after, 12, "positions")
+    assert not [one for one in found if "reversible" in str(one.message)], [str(one.message) for one in found]
+    # About a reflection that is not theirs it is said.
+    with pytest.warns(UserWarning, match="no map that is reversible"):
+        gyroceptron.SymplecticPolynomial(before + [0, 0.01], after + [0, 0.01], 8, "positions")
+
+
+def test_lines_that_leave_the_section_are_nan(lines, tmp_path):
+    states = lines.trace(lines.starts(12), 40)
+    section = tmp_path / "section.npz"
+    lines.write_section(section, states)
+    before, after = states[:-1].reshape(-1, 2), states[1:].reshape(-1, 2)
+    polynomial = gyroceptron.SymplecticPolynomial(before, after, 9, section=section)
+    inside, corner = before[0], before.max(axis=0) + [1e-3, 1e-3]
+    model = gyroceptron.train(
+        before, after, [1], section=section, kicks=(2, 1, 4), twists=(1, 1, 3), starts=1, iterations=10
+    )
+    for one in (polynomial, model):
+        with pytest.warns(UserWarning, match="outside the box of the section"):
+            found = one.predict([inside, corner], 300)
+        assert np.isfinite(found[:, 0]).all()
+        lost = np.isnan(found[:, 1]).any(axis=1)
+        # Once lost it stays lost.
+        assert lost.any() and lost[lost.argmax() :].all()
+        with pytest.raises(gyroceptron.Error, match="outside the box"):
+            one.predict([inside, corner], 300, outside="stop")
+        assert np.isnan(one.predict(corner, 300, outside="ignore")[-1]).all()
 
 
 def test_a_symplectic_polynomial_is_fitted_in_the_chart_of_a_section(lines, tmp_path):

@@ -1,6 +1,6 @@
 //! Models in C99.
 
-use super::About;
+use super::about::About;
 use super::program::{Calls, Function, Line, Program};
 use crate::io::StoredModel;
 use crate::phase::{AreaDensity, CHART_STEPS};

@@ -1,6 +1,6 @@
 //! An interface of the C functions for Fortran 2003.
 
-use super::About;
+use super::about::About;
 use super::program::Program;
 
 pub(super) fn source(program: &Program, about: &About<'_>) -> String {

@@ -1,6 +1,6 @@
 //! Models in Python, of the arrays of JAX or of PyTorch.
 
-use super::About;
+use super::about::About;
 use super::program::{Call, Calls, Function, Line, Program};
 use crate::io::StoredModel;
 use crate::phase::{AreaDensity, Units};

@@ -390,6 +390,8 @@ class FieldLines:
         """The points where lines begin, (lines, 2): from the axis outwards to the reach."""
     def trace(self, points: ArrayLike, maps: int) -> NDArray[np.float64]:
         """The points of lines, map after map: (maps + 1, ..., 2); NaN for a line that is lost."""
+    def distance_to_coils(self, points: ArrayLike, maps: int = 1) -> NDArray[np.float64]:
+        """How near lines from points (..., 2) come to a coil in so many maps, in metres: (...)."""
     def inverse(self, points: ArrayLike) -> NDArray[np.float64]:
         """The points from which lines come to points (..., 2) in one map."""
     def jacobian(self, points: ArrayLike) -> NDArray[np.float64]:

@@ -4,7 +4,7 @@
 use super::section_maps::SectionMap;
 use super::shared::Study;
 use crate::error::Error;
-use crate::flow::{LineMap, LineSection, PolynomialFamily, Trajectories};
+use crate::flow::{LineMap, LineSection, PolynomialFamily, Trajectories, turns_of_trace};
 use crate::io::{Provenance, StoredModel};
 use crate::measure::{
     orbits::{periodic_orbit, rotation_numbers},
@@ -122,7 +122,8 @@ impl Study for ControlsOptions {
         let declared = context.scene.setup.data.as_ref().and_then(|data| data.lines.as_ref());
         let missing = || Error::invalid("data", "no data.lines.controls", "controls of a machine");
         let (declared, of) = declared.zip(lines.controls.as_ref()).ok_or_else(missing)?;
-        let machine = Machine { declared, lines: &lines };
+        let winding = Winding { maps_a_turn: lines.maps_a_turn(), near: lines.section.turns() };
+        let machine = Machine { declared, lines: &lines, winding };
         let held_out = declared.controls.as_ref().map_or(0, |controls| controls.held_out.len());
         let rows = declared.controls.iter().flat_map(|controls| &controls.values);
         let rows = rows.map(|row| (row, true)).chain(self.unseen.iter().map(|row| (row, false)));
@@ -153,7 +154,7 @@ impl Study for ControlsOptions {
                 let mut judged = Vec::new();
                 for truth in &truths {
                     let at = Box::new(stored.at_controls(&truth.values)?);
-                    judged.push(truth.judge(&SectionMap::Network(at), lines.maps_a_turn())?);
+                    judged.push(truth.judge(&SectionMap::Network(at), winding)?);
                 }
                 let derivatives = machine.derivatives(self, &stored, &truths[0])?;
                 let aims = machine.aims(self, &stored, &slopes)?;
@@ -169,7 +170,7 @@ impl Study for ControlsOptions {
                 let mut judged = Vec::new();
                 for truth in &truths {
                     let map = SectionMap::Polynomial(family.at(&truth.values)?);
-                    judged.push(truth.judge(&map, lines.maps_a_turn())?);
+                    judged.push(truth.judge(&map, winding)?);
                 }
                 Ok::<_, Error>(Rival {
                     name: name.clone(),
@@ -238,9 +239,25 @@ impl Study for ControlsOptions {
     }
 }
 
-/// |ι| of an axis of this Tr M, NaN where lines leave it.
-fn iota(trace: f64, maps_a_turn: f64) -> f64 {
-    libm::acos(0.5 * trace) / TAU * maps_a_turn
+/// What turns Tr M of an axis into |ι|: the maps of a turn, and about how many turns lines make in a map.
+#[derive(Clone, Copy)]
+struct Winding {
+    maps_a_turn: f64,
+    near: f64,
+}
+
+impl Winding {
+    /// |ι| of an axis of this Tr M, NaN where lines leave it.
+    fn iota(self, trace: f64) -> f64 {
+        turns_of_trace(trace, self.near).0.abs() * self.maps_a_turn
+    }
+
+    /// The derivative of |ι| by Tr M.
+    fn iota_by_trace(self, trace: f64) -> f64 {
+        let (turns, sign) = turns_of_trace(trace, self.near);
+        let by_part = -0.5 * self.maps_a_turn / (TAU * libm::sqrt(1.0 - 0.25 * trace * trace));
+        turns.signum() * sign * by_part
+    }
 }
 
 /// The axis of the coils, and Tr M there.
@@ -254,6 +271,7 @@ fn axis_of(section: &LineSection) -> ([f64; 2], f64) {
 struct Machine<'a> {
     declared: &'a LineData,
     lines: &'a TracedLines,
+    winding: Winding,
 }
 
 /// Lines at some values of the controls.
@@ -384,7 +402,7 @@ impl Slopes {
         known: AsksFor<'_>,
     ) -> Result<Option<Self>, Error> {
         let (nominal, steps) = machine.nominal_and_steps(options);
-        let a_turn = machine.lines.maps_a_turn();
+        let winding = machine.winding;
         let (axis, trace) = (Vec::new(), Vec::new());
         let mut out = Self { axis, trace, iota: Vec::new(), turns: Vec::new() };
         for (control, h) in steps.iter().enumerate() {
@@ -398,7 +416,7 @@ impl Slopes {
             let of = |f: &dyn Fn(&Known) -> f64| slope([0, 1, 2, 3].map(|k| f(&all[k])), *h);
             out.axis.push([0, 1].map(|k| of(&|known| known.axis[k])));
             out.trace.push(of(&|known| known.trace));
-            out.iota.push(of(&|known| iota(known.trace, a_turn)));
+            out.iota.push(of(&|known| winding.iota(known.trace)));
             out.turns.push(of(&|known| known.turns));
         }
         Ok(Some(out))
@@ -434,7 +452,7 @@ impl Machine<'_> {
             output.extend_from_slice(to);
         }
         let (values, pairs, error) = (values.to_vec(), [input, output], section.error());
-        let iota = iota(trace, self.lines.maps_a_turn());
+        let iota = self.winding.iota(trace);
         Ok(Some(Truth { values, learnt, axis, trace, iota, error, starts, pairs, end, maps }))
     }
 
@@ -471,23 +489,22 @@ impl Machine<'_> {
     ) -> Result<Derivatives, Error> {
         let (nominal, steps) = self.nominal_and_steps(options);
         let count = nominal.len();
-        let a_turn = self.lines.maps_a_turn();
+        let winding = self.winding;
         let [start, centre] = self.line();
-        let near = self.lines.section.turns();
         let none = || Error::invalid("controls", "differences", "values of a network");
         let differences = Slopes::by_differences(self, options, &mut |values| {
             let at = stored.at_controls(values)?;
             let orbit = at.periodic_orbit(&centre, 1)?;
             let states = at.rollout(&start, Rollout { steps: options.turning, every: 1 })?;
             let axis = [orbit.points[0][0], orbit.points[0][1]];
-            let turns = turns(states, near, centre)?;
+            let turns = turns(states, winding.near, centre)?;
             Ok(Some(Known { axis, trace: orbit.trace(), turns }))
         })?;
         let at = stored.at_controls(&nominal)?;
         let orbit = at.periodic_orbit(&centre, 1)?;
         let response = stored.orbit_response(&nominal, &orbit)?;
         let (_, turning) = stored.rotation_response(&nominal, start, centre, options.turning)?;
-        let by_trace = iota_by_trace(orbit.trace(), a_turn);
+        let by_trace = winding.iota_by_trace(orbit.trace());
         let exact = Slopes {
             axis: (0..count).map(|k| [response.moved[k], response.moved[count + k]]).collect(),
             iota: response.traces.iter().map(|trace| by_trace * trace).collect(),
@@ -527,7 +544,7 @@ impl Machine<'_> {
         slopes: &Slopes,
     ) -> Result<Aims, Error> {
         let (nominal, _) = self.nominal_and_steps(options);
-        let a_turn = self.lines.maps_a_turn();
+        let winding = self.winding;
         let centre = self.lines.section.axis();
         let ranges: Vec<_> = self.lines.controls.iter().flat_map(|of| &of.ranges).collect();
         // |ι| on the axis and its derivative by the first control.
@@ -538,7 +555,7 @@ impl Machine<'_> {
             let response = stored.orbit_response(&values, &orbit)?;
             guess.clone_from(&orbit.points[0]);
             let trace = orbit.trace();
-            Ok((iota(trace, a_turn), iota_by_trace(trace, a_turn) * response.traces[0]))
+            Ok((winding.iota(trace), winding.iota_by_trace(trace) * response.traces[0]))
         };
         let of_coils = |value: f64| -> Result<f64, Error> {
             let mut values = nominal.clone();
@@ -549,7 +566,7 @@ impl Machine<'_> {
             let request = section.request();
             let map = LineMap::new(&field, request.phi, request.angle, section.map().steps())?;
             let (_, [[a, _], [_, d]]) = map.with_jacobian(map.axis(section.axis())?);
-            Ok(iota(a + d, a_turn))
+            Ok(winding.iota(a + d))
         };
         let mut seconds = [f64::INFINITY; 2];
         let mut timed = |number: usize, work: &mut dyn FnMut() -> Result<f64, Error>| {
@@ -619,11 +636,6 @@ fn secant(
     Ok(None)
 }
 
-/// The derivative of |ι| by the trace Tr M of the map at the axis.
-fn iota_by_trace(trace: f64, maps_a_turn: f64) -> f64 {
-    -0.5 * maps_a_turn / (TAU * libm::sqrt(1.0 - 0.25 * trace * trace))
-}
-
 /// The turns of one line about a centre in a map.
 fn turns(states: Vec<f64>, near: f64, centre: [f64; 2]) -> Result<f64, Error> {
     let orbit = Trajectories::new(states, 2, 1)?;
@@ -632,7 +644,7 @@ fn turns(states: Vec<f64>, near: f64, centre: [f64; 2]) -> Result<f64, Error> {
 }
 
 impl Truth {
-    fn judge(&self, map: &SectionMap<'_>, maps_a_turn: f64) -> Result<AtValues, Error> {
+    fn judge(&self, map: &SectionMap<'_>, winding: Winding) -> Result<AtValues, Error> {
         let orbit = periodic_orbit(&|z: &[f64]| map.with_jacobian(z), &self.axis, 1).ok();
         let [input, output] = &self.pairs;
         let image = map.rollout(input, Rollout { steps: 1, every: 1 })?.split_off(input.len());
@@ -646,7 +658,7 @@ impl Truth {
             let place = &orbit.points[0];
             axis = libm::hypot(place[0] - self.axis[0], place[1] - self.axis[1]);
             trace = orbit.trace() - self.trace;
-            by_iota = iota(orbit.trace(), maps_a_turn) - self.iota;
+            by_iota = winding.iota(orbit.trace()) - self.iota;
         }
         Ok(AtValues { one, after, axis, trace, iota: by_iota })
     }

@@ -1019,10 +1019,7 @@ impl Results<'_> {
                  tracing, and empty where a line of the method is on no smooth curve."
             ),
         };
-        let lost = match self.lines.lost.len() {
-            0 => String::new(),
-            some => format!(" {some} lines are lost or run into a coil, and are left out."),
-        };
+        let lost = self.lines.lost_in_words().map_or_else(String::new, |lost| format!(" {lost}."));
         format!(
             "The section φ = {:.6}, a map over {} of {} field periods, lines to {} m from the axis.{lost} A map of the \
              reference, {} steps in the field of {} points of coils, errs by {:.1e} m. A map: root mean square and \

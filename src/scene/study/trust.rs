@@ -30,6 +30,7 @@ impl Study for TrustStudy {
             let judgement = context.stage(&format!("orbits of {name}"), |_| {
                 Judgement::of(&trained.outcome, &data.training, held_out, (action, angles))
             })?;
+            let judgement = judgement.with_area_defects(data.area_defects.iter().copied());
             let mut found = trust(&judgement);
             let heading = || Block::Heading(format!("`{name}`"));
             summary.push(heading());

@@ -1,0 +1,25 @@
+//! The exception of the package.
+
+use pyo3::prelude::*;
+
+pyo3::create_exception!(
+    gyroceptron,
+    Error,
+    pyo3::exceptions::PyValueError,
+    "What can go wrong: the message has the values that explain it."
+);
+
+impl From<crate::error::Error> for PyErr {
+    fn from(error: crate::error::Error) -> Self {
+        Error::new_err(format!("{error}{}", argument_for(&error)))
+    }
+}
+
+/// The argument that an error of the library, which knows of none, asks for.
+fn argument_for(error: &crate::error::Error) -> &'static str {
+    match error {
+        crate::error::Error::At { reason, .. } => argument_for(reason),
+        crate::error::Error::FileExists { .. } => " (overwrite=True replaces it)",
+        _ => "",
+    }
+}
