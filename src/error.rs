@@ -47,6 +47,25 @@ pub enum Error {
         /// The number itself, which is NaN or infinite.
         value: f64,
     },
+    /// A file whose content is not the one that its digest is of.
+    #[error(
+        "{place}: digest: expected that of {covers}, found another: the file is corrupt or was edited"
+    )]
+    Edited {
+        /// The file that is corrupt or was edited.
+        place: String,
+        /// What its digest is of, in words.
+        covers: &'static str,
+    },
+    /// Pairs that no circle action fits for sure.
+    #[error("circle action: expected {}, found {found}", wanted(columns.as_deref()))]
+    NoCircleAction {
+        /// What was found of circle actions, in words.
+        found: String,
+        /// The order in which the columns of inputs and outputs would have one, counted from 0; None where no order is
+        /// known.
+        columns: Option<Vec<usize>>,
+    },
     /// A file of a format newer than this version reads.
     #[error(
         "{}: format version {found}; this version reads up to {supported}: a newer gyroceptron wrote it", path.display()
@@ -181,6 +200,14 @@ pub enum Error {
         /// The size of the last change.
         change: f64,
     },
+}
+
+/// What is asked for where pairs have no circle action for sure.
+fn wanted(columns: Option<&[usize]>) -> &'static str {
+    match columns {
+        Some(_) => "columns q1 q2 … p1 p2 …",
+        None => "weights, or pairs of another flow time",
+    }
 }
 
 /// What to write instead of an unknown key.

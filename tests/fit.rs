@@ -383,7 +383,11 @@ fn a_training_sees_past_whole_turns() {
     assert!(!with(&right).iter().any(is_reading));
     // Columns q₁ p₁ q₂ p₂ have none, and are recognised.
     let interleaved = fit.prepare(pairs.thinned(100).with_columns(&[0, 2, 1, 3]));
-    let reason = interleaved.expect_err("columns in another order").to_string();
+    let error = interleaved.expect_err("columns in another order");
+    assert!(
+        matches!(&error, Error::NoCircleAction { columns: Some(order), .. } if order[..] == [0, 2, 1, 3])
+    );
+    let reason = error.to_string();
     assert!(reason.contains("circle action 1,0 as q1 p1 q2 p2"), "{reason}");
     assert!(reason.contains("[0, 2, 1, 3]"), "{reason}");
     // It can be stopped.
@@ -403,6 +407,31 @@ fn a_training_sees_past_whole_turns() {
     assert!(reason.contains("none for sure") && reason.contains("100 pairs"), "{reason}");
     let given = Fit { action: Some(right.clone()), ..fit.clone() };
     assert!(!given.prepare(few).expect("a given action").notes.iter().any(is_reading));
+}
+
+/// Pairs with friction are those of no symplectic network, and no fault of one that has friction.
+#[test]
+fn friction_is_a_note_on_symplectic_networks_alone() {
+    let mut stream = Stream::new(3, "friction");
+    let (mut input, mut output) = (Vec::new(), Vec::new());
+    for _ in 0..150 {
+        let z: [f64; 4] = std::array::from_fn(|_| stream.uniform(-1.0, 1.0));
+        let (s, c) = 0.7_f64.sin_cos();
+        let turned = [c * z[0] + s * z[2], z[1] + 0.02 * z[3], c * z[2] - s * z[0], z[3]];
+        input.extend(z);
+        output.extend(turned.map(|v| 0.98 * v));
+    }
+    let pairs = Pairs::new("friction", 2, input, output).expect("pairs");
+    let notes = |name: &str| {
+        let network = NetworkSpec::named(name).expect("a name");
+        let action = Some(CircleAction::new([1, 0]).into());
+        let fit = Fit { action, network: Some(network), ..Fit::default() };
+        fit.prepare(pairs.clone()).expect("pairs").notes
+    };
+    let of_form = |note: &FitNote| matches!(note, FitNote::Form(..));
+    let note = notes("normal-form").into_iter().find(of_form).expect("what areas do").to_string();
+    assert!(note.contains("coupling gyroceptron"), "{note}");
+    assert!(!notes("coupling-gyroceptron").iter().any(of_form));
 }
 
 /// Three planes, the first of which goes round whole turns: the nearest rotation is sure of a wrong action, which is
@@ -431,7 +460,9 @@ fn whole_turns_of_one_of_three_planes_are_no_action() {
     let by_rotation = ActionFit::fit(&pairs).expect("a linear map");
     assert!(by_rotation.is_sure(), "{}", by_rotation.describe());
     assert_eq!(by_rotation.action(), &CircleAction::new([2, 1, 1]));
-    let reason = Fit::default().prepare(pairs.clone()).expect_err("not sure").to_string();
+    let error = Fit::default().prepare(pairs.clone()).expect_err("not sure");
+    assert!(matches!(error, Error::NoCircleAction { columns: None, .. }), "{error}");
+    let reason = error.to_string();
     assert!(reason.contains("with 1,0,0") && reason.contains("with 2,1,1"), "{reason}");
     let right = TorusAction::from(CircleAction::new([1, 0, 0]));
     let given = Fit { action: Some(right), ..Fit::default() };

@@ -84,6 +84,7 @@ fn option_named(error: &Error) -> Option<String> {
         | Error::CountOutOfRange { name, .. }
         | Error::WrongCount { name, .. } => name.as_str(),
         Error::Missing { key, .. } => key,
+        Error::NoCircleAction { .. } => "circle_action",
         _ => return None,
     };
     let name = name.trim_start_matches("training.").split([':', '.']).next()?;

@@ -633,15 +633,11 @@ pub fn parse_model(place: &str, bytes: &[u8]) -> Result<StoredModel, Error> {
         )?,
     };
     if digest != file.digest {
-        let [name, expected] = match of_names {
-            true => ["parameters", "numbers that match their digest"],
-            false => ["digest", "that of the architecture, the units and the parameters"],
+        let covers = match of_names {
+            true => "the parameters and the units",
+            false => "the architecture, the units and the parameters",
         };
-        return Err(Error::content(
-            format!("{place}: {name}"),
-            expected,
-            "others: the file is corrupt or was edited",
-        ));
+        return Err(Error::Edited { place: place.into(), covers });
     }
     let model = Model::new(file.architecture, file.parameters)
         .map_err(|e| Error::content(place, "a valid model", e))?;
@@ -722,7 +718,7 @@ pub fn load_checkpoint(path: &Path) -> Result<Checkpoint, Error> {
         ));
     }
     if digest::of_bytes(file.state.as_bytes()) != file.digest {
-        return Err(Error::content(place, "an intact checkpoint", "a corrupt one (digest)"));
+        return Err(Error::Edited { place: place.into(), covers: "the state of the training" });
     }
     // By way of a value, as all that is read here: types are compiled for one reader.
     let state = serde_json::from_str::<serde_json::Value>(&file.state);

@@ -159,9 +159,8 @@ pub fn parse_polynomial(place: &str, bytes: &[u8]) -> Result<StoredPolynomial, E
     let file: PolynomialFile = parse_content(place, value, FORMAT)?;
     file.polynomial.check().map_err(|e| e.with_place(place))?;
     if digest_of(&file.polynomial, &file.provenance)? != file.digest {
-        let expected = "that of the polynomial and its provenance";
-        let found = "another: the file is corrupt or was edited";
-        return Err(Error::content(format!("{place}: digest"), expected, found));
+        let covers = "the polynomial and its provenance";
+        return Err(Error::Edited { place: place.into(), covers });
     }
     Ok(StoredPolynomial { map: file.polynomial, provenance: file.provenance })
 }

@@ -100,7 +100,7 @@ impl FieldLines {
             }
             None => {
                 if currents.is_some() || field_periods.is_some() {
-                    let expected = "a file of coils that they are of";
+                    let expected = "a file of coils, which currents and field_periods are of";
                     return Err(Error::invalid("coils", "None", expected).into());
                 }
                 let own = torsatron();

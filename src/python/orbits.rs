@@ -15,7 +15,7 @@ use crate::network::{Pace, Rollout};
 use crate::phase::Direction;
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList};
+use pyo3::types::{PyDict, PyFloat, PyList};
 use std::cell::RefCell;
 use std::path::PathBuf;
 
@@ -293,23 +293,45 @@ pub(super) fn spectral_lines<'py>(
     Ok((array(py, frequencies, vec![lines])?, array(py, amplitudes, vec![lines, 2])?))
 }
 
-/// The rotation number of an orbit (T, 2) of a map of a plane about `centre`, in turns per step, positive from the first
-/// coordinate towards the second (`tunes` has the other sign, from p towards q), by weighted Birkhoff averages: (turns, error), where the error is the difference between the averages over the two halves. The growth of
-/// the angle in a step is known only up to whole turns: the value within half a turn of `near` is taken. Raises Error
-/// of arrays of other shapes.
+/// The rotation number of an orbit (T, 2) of a map of a plane about `centre`, or of M orbits (T, M, 2), in turns per
+/// step, positive from the first coordinate towards the second (`tunes` has the other sign, from p towards q), by
+/// weighted Birkhoff averages: (turns, error), two numbers or two arrays (M,). The error is the difference between the
+/// averages over the two halves. The growth of the angle in a step is known only up to whole turns: the value within
+/// half a turn of `near` is taken. Of several orbits those that are lost have NaN. Raises Error of arrays of other
+/// shapes.
 #[pyfunction]
 #[pyo3(signature = (orbit, centre, near=0.0))]
-pub(super) fn rotation_number(
-    orbit: Rows<'_>,
+pub(super) fn rotation_number<'py>(
+    py: Python<'py>,
+    orbit: Rows<'py>,
     centre: [f64; 2],
     near: f64,
-) -> PyResult<(f64, f64)> {
-    let orbit = Trajectories::new(rows_of("orbit", &orbit, 1)?, 2, 1)?;
+) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+    let (values, shape) = read("orbit", &orbit)?;
+    let count = match shape[..] {
+        [_, 2] => 1,
+        [_, count, 2] if count > 0 => count,
+        _ => {
+            let found = format!("an array of shape {shape:?}");
+            return Err(Error::invalid("orbit", found, "(T, 2) or (T, M, 2)").into());
+        }
+    };
+    if shape.len() == 2 {
+        crate::flow::check_finite("orbit", &values, 2)?;
+    }
     Error::check_finite("near", near)?;
     centre.iter().try_for_each(|v| Error::check_finite("centre", *v))?;
     let angle = |z: &[f64]| libm::atan2(z[1] - centre[1], z[0] - centre[0]);
-    let found = rotation_numbers(&orbit, near, angle)[0];
-    Ok((found.turns, found.error))
+    let found = py.detach(|| {
+        Ok::<_, Error>(rotation_numbers(&Trajectories::new(values, 2, count)?, near, angle))
+    })?;
+    if shape.len() == 2 {
+        let alone = |value: f64| PyFloat::new(py, value).into_any();
+        return Ok((alone(found[0].turns), alone(found[0].error)));
+    }
+    let turns = found.iter().map(|one| one.turns).collect();
+    let errors = found.iter().map(|one| one.error).collect();
+    Ok((array(py, turns, vec![count])?.into_any(), array(py, errors, vec![count])?.into_any()))
 }
 
 /// The closed curve on which an orbit (T, 2) of a map of a plane lies, as a Fourier series fitted to its first half.

@@ -197,61 +197,80 @@ fn condition(name: &str, of: Option<Condition<'_>>) -> PyResult<OfNetworkAndPair
 
 /// Trains a network on pairs, the rows of `input` and `output`, (N, 2n) each, in any units, as the
 /// program's `train` does, to the same bits. Returns a Model, whose `notes` say what was found and
-/// chosen.
+/// chosen, and whose `trust` says whether to trust it.
 ///
-/// circle_action: the weight of each plane, whole numbers such as [1, 0], or those of several circles; a
-/// number for one plane; "auto" finds the weights from the pairs where they are clear, of two planes by short
-/// trainings with some.
+/// The network
+///
+/// circle_action: the weight of each plane, whole numbers such as [1, 0], or those of several circles; a number for
+/// one plane. "auto" finds the weights from the pairs, of several planes by short trainings with some of them.
+/// architecture: "gyroceptron", "normal-form", "coupling-gyroceptron", "kicked-gyroceptron", "henon-net" or
+/// "symp-net".
+/// psi, near_identity, kicks, twists, turned_twists, perturbation, layers: the sizes of the parts that it has:
+/// (layers, neurons), or (layers, (neurons, neurons)) of two widths by turns; (layers, neurons, "arctan") of neurons
+/// of arctan in place of tanh; (layers, polynomials, degree) of polynomials in place of neurons. A normal form with a
+/// perturbation is nearly integrable, of order one without it.
+/// radius: the half width of the box of polynomials, in units of the network: coordinates from -radius to radius.
+/// Unless given it is 1.1 times the largest coordinate of the pairs.
+/// reversor: makes the map reversible for all weights, S P S = P^-1, where S changes the signs of the "positions" or
+/// of the "momenta". Then P = A Phi T S A^-1 S, where A is the kicks and the perturbation, or the network.
+/// blocks: a network of your own in place of a named architecture: a list of dictionaries with layer ("henon",
+/// "turned-kick", "twist", "turned-twist", "turned-coupling", "symp-net"), widths, part ("conjugation", "chart",
+/// "slow-map", "perturbation", "near-identity", "none"), and scale and name where they are not the usual ones of the
+/// part; activation "arctan" of neurons that are not of tanh; degree of polynomials, and radius where it is not that
+/// of the pairs.
+///
+/// The pairs
+///
+/// epsilon, flow_time: the values of the pairs: a number, an array (N,) with one for each pair, or (own, array) with
+/// the network's own value. Unless given they are 0.01 and what the pairs determine; of an array the network's own
+/// value is that with the largest magnitude.
+/// controls: what else the pairs depend on, such as currents: a dictionary of arrays (N,), with a value for each pair.
+/// The parameters are polynomials of the controls, and Model.at takes values between.
+/// control_degree: the total degree of these polynomials; unless given, the highest up to 4 with fewer terms than
+/// values to learn.
+/// section: for pairs (x, y) with the area form rho dx dy, an .npz file of rho on a grid: arrays x, y and density,
+/// (len(y), len(x)), and optionally scale, one number, 1 by default. For pairs (x1, ..., y1, ...) of several planes
+/// these are x1, y1, density1, x2 and so on; a plane without them is canonical, and planes is their number, needed
+/// where the last one is. A density that depends on controls, linearly, has an array lambda, (L,) or (L, controls),
+/// with their values in the order of `controls`, and is (L, len(y), len(x)). The model then takes and gives x, y.
+/// units: "fitted", in which pairs are of order one and turn in circles, or those of the "data".
+/// validation: the share of the pairs that is held out.
+///
+/// The training
+///
 /// recipe: network and training where no other argument sets them: "recommended", a normal form by Levenberg-Marquardt
 /// from three initial weights until it is at rest, or "paper", its gyroceptron by L-BFGS.
 /// scene: a built-in scene or a .toml file from which network and training options are taken; other arguments take
 /// precedence over it.
-/// architecture: "gyroceptron", "normal-form", "coupling-gyroceptron",
-/// "kicked-gyroceptron", "henon-net" or "symp-net".
-/// psi, near_identity, kicks, twists, turned_twists, perturbation, layers: (layers, neurons) of the parts that it
-/// has, or (layers, (neurons, neurons)) of two widths by turns; (layers, neurons, "arctan") of neurons of arctan in
-/// place of tanh, (layers, polynomials, degree) of polynomials in place of neurons. A normal form with a perturbation
-/// is nearly integrable, of order one without it. radius: the half width of the box of polynomials, in units of the
-/// network: coordinates from -radius to radius. Unless given it is 1.1 times the largest coordinate of the pairs.
-/// reversor: makes the map reversible for all weights, S P S = P^-1, where S changes the signs of the "positions" or of
-/// the "momenta". Then P = A Phi T S A^-1 S, where A is the kicks and the perturbation, or the network. blocks: a
-/// network of your own in place of a named architecture: a list of dictionaries with layer ("henon", "turned-kick",
-/// "twist", "turned-twist", "turned-coupling", "symp-net"), widths, part ("conjugation", "chart", "slow-map",
-/// "perturbation", "near-identity", "none"), and scale and name where they are not the usual ones of the part;
-/// activation "arctan" of neurons that are not of tanh, degree, and radius where it is not that of the pairs, of
-/// polynomials. optimiser: "lm" (Levenberg-Marquardt, which gets furthest), "l-bfgs" or "adam". iterations: the largest
-/// number of iterations, 1000 unless given; each of several starts takes 40 of its own first. starts: the number of
-/// sets of initial weights. Each is trained for 40 iterations, and the best goes on. ramp: stages before the training,
-/// on pairs with flow times of their own: a list of (flow time, iterations), or (flow time or None, degree, iterations)
-/// for polynomials of at most that degree. near_identity_penalty: the factor with which the mean square of
-/// I_epsilon(z) - z is added to the loss; of a map with a perturbation that of chi(K_epsilon(chi^-1(z))) - z.
+/// optimiser: "lm" (Levenberg-Marquardt, which gets furthest), "l-bfgs" or "adam".
+/// iterations: the largest number of iterations, 1000 unless given; each of several starts takes 40 of its own first.
+/// starts: the number of sets of initial weights. Each is trained for 40 iterations, and the best goes on.
+/// ramp: stages before the training, on pairs with flow times of their own: a list of (flow time, iterations), or
+/// (flow time or None, degree, iterations) for polynomials of at most that degree.
+/// loss_weights: the weights of the planes in the loss and in the held-out error that chooses the model: "auto", by
+/// the motion of each plane beside the rotation, "none", or n or 2n positive numbers.
+/// near_identity_penalty: the factor with which the mean square of I_epsilon(z) - z is added to the loss; of a map
+/// with a perturbation that of chi(K_epsilon(chi^-1(z))) - z.
+/// theta, theta_fixed, theta_penalty: the initial angle (unless given, that of the nearest rotation), whether it stays
+/// fixed, and the factor with which its squared distance from there is added to the loss.
 /// patience, target: stop when the held-out error has not improved for so many evaluations, one in ten iterations, or
-/// is at most the target; 0 never stops. plateau: stop when the held-out error has fallen by less than a tenth in so
-/// many iterations, 50 with "lm" unless given; 0 never stops.
-/// epsilon, flow_time: the values of the pairs, a number or an array (N,) with one for each pair. Unless given they are
-/// 0.01 and what the pairs determine. The network's own value is that of an array with the largest magnitude, or that of a tuple (own,
-/// array). loss_weights: the weights of the planes in the loss and in the held-out error that chooses the model:
-/// "auto", by the motion of each plane beside the rotation, "none", or n or 2n positive numbers. theta, theta_fixed,
-/// theta_penalty: the initial angle (unless given, that of the nearest rotation), whether it stays fixed, and the
-/// factor with which its squared distance from there is added to the loss. controls: what else the pairs depend on,
-/// such as currents: a dictionary of arrays (N,), with a value for each pair. The parameters are polynomials of the
-/// controls, and Model.at takes values between. control_degree: the total degree of these polynomials; unless given,
-/// the highest up to 4 with fewer terms than values to learn. section: for pairs (x, y) with the area form rho dx dy,
-/// an .npz file of rho on a grid: arrays x, y and density, (len(y), len(x)), and optionally scale, one number, 1 by
-/// default. For pairs (x1, ..., y1, ...) of several planes these are x1, y1, density1, x2 and so on; a plane without
-/// them is canonical, and planes is their number, needed where the last one is. A density that depends on
-/// controls, linearly, has an array lambda, (L,) or (L, controls), with their values in the order of `controls`, and
-/// is (L, len(y), len(x)). The model then takes and gives x, y. units: "fitted", in which pairs are of order one and
-/// turn in circles, or those of the "data". validation: the share of the pairs that is held out. seed: the seed of the
-/// weights and of that choice. report: a folder for a report with plots, which says whether to trust the model.
-/// checkpoint, resume: a file that the training keeps its state in, and whether it goes on from there, to the same
-/// bits. callback: called with (stage, iteration, loss, held-out error or None) at each iteration; False stops the
-/// training, and the best model of the stage that is stopped is returned.
+/// is at most the target; 0 never stops.
+/// plateau: stop when the held-out error has fallen by less than a tenth in so many iterations, 50 with "lm" unless
+/// given; 0 never stops.
+/// seed: the seed of the weights and of the choice of held-out pairs.
 ///
-/// Warns (UserWarning) when the pairs fit far better in another order of columns or with another
-/// circle action. Raises Error when an argument is wrong, an array has a mask or numbers that are
-/// complex, NaN or infinite, "auto" is not sure, or the report would replace another. Ctrl-C takes effect at
-/// the end of an iteration.
+/// The run
+///
+/// report: a folder for a report with plots, which says whether to trust the model.
+/// checkpoint, resume: a file that the training keeps its state in, and whether it goes on from there, to the same
+/// bits.
+/// callback: called with (stage, iteration, loss, held-out error or None) at each iteration; False stops the training,
+/// and the best model of the stage that is stopped is returned.
+///
+/// Warns (UserWarning) when the pairs fit far better in another order of columns or with another circle action, when
+/// they do not keep areas, have a symmetry that the network has not or not the one that it has, or have epsilon below
+/// 0. Raises Error when an argument is wrong, an array has a mask or numbers that are complex, NaN or infinite, "auto"
+/// is not sure, or the report would replace another. Ctrl-C ends it, within a second of most trainings.
 #[pyfunction]
 #[pyo3(signature = (
     input, output, circle_action=Circles::Auto, *, recipe=None, scene=None, architecture=None, psi=None,

@@ -68,10 +68,12 @@ pub fn default_scene() -> &'static CatalogueEntry {
 pub fn find(name: &str) -> Result<&'static CatalogueEntry, Error> {
     catalogue().iter().find(|entry| entry.name == name).ok_or_else(|| {
         let names: Vec<_> = catalogue().iter().map(|entry| entry.name).collect();
-        let found = match nearest(name, names.iter().copied()) {
-            Some(nearest) => format!("`{name}`: did you mean `{nearest}`?"),
-            None => format!("`{name}`"),
+        let expected = match nearest(name, names.iter().copied()) {
+            Some(nearest) => {
+                format!("that of a built-in scene (did you mean `{nearest}`?) or a .toml file")
+            }
+            None => format!("one of {} or a .toml file", names.join(", ")),
         };
-        Error::invalid("scene", found, format!("one of {} or a .toml file", names.join(", ")))
+        Error::invalid("scene", format!("`{name}`"), expected)
     })
 }

@@ -209,7 +209,8 @@ impl fmt::Display for FitNote {
                 match charted {
                     true =>
                         "is this the right density, at each value of the controls if there are any",
-                    false => "are q and p canonical, and is there no friction",
+                    false =>
+                        "are q and p canonical, and is there no friction, which a coupling gyroceptron can follow",
                 }
             ),
             Self::Reversal(defect) => write!(f, "{defect}"),
@@ -372,16 +373,15 @@ impl Fit {
             let other = self.tried(&reordered, by_rotation, actions, go_on)?;
             let fits_better = !trial.errs_as_little_as(&other);
             if let Some(action) = other.chosen().filter(|_| fits_better) {
-                let expected = "columns q1 q2 … p1 p2 …";
                 let found = format!(
                     "columns that have circle action {action} as q1 p1 q2 p2 …, and none for sure as they \
-                     are: take the columns {order} of input and output, counted from 0"
+                     are: take the columns {order:?} of input and output, counted from 0"
                 );
-                return Err(Error::invalid("circle action", found, expected));
+                return Err(Error::NoCircleAction { found, columns: Some(order) });
             }
         }
         let found = format!("none for sure: {}", trial.describe());
-        Err(Error::invalid("circle action", found, "weights, or pairs of another flow time"))
+        Err(Error::NoCircleAction { found, columns: None })
     }
 
     /// Short trainings of the recommended network with each of some actions.
@@ -566,6 +566,8 @@ impl Fit {
         };
         self.check_network(&network, &action)?;
         let any = network.architecture(&action, epsilon, 1.0)?;
+        // What keeps no area itself may follow pairs that keep none.
+        notes.retain(|note| any.is_symplectic() || !matches!(note, FitNote::Form(..)));
         let reversal = fits.and_then(|fits| ReversalDefect::worth_saying(&pairs, fits, &any));
         notes.extend(reversal.map(FitNote::Reversal));
         if (data.has_epsilons || data.has_times) && !any.has_circle() {

@@ -28,11 +28,10 @@ impl Reading {
     /// The largest number of pairs that are used.
     const PAIRS: usize = 1000;
 
-    /// The pairs with columns q₁ p₁ q₂ p₂ … taken in the order q₁ … qₙ, p₁ … pₙ, and that order in words.
-    pub(super) fn interleaved(pairs: &Pairs) -> (Pairs, String) {
+    /// The pairs with columns q₁ p₁ q₂ p₂ … taken in the order q₁ … qₙ, p₁ … pₙ, and that order.
+    pub(super) fn interleaved(pairs: &Pairs) -> (Pairs, Vec<usize>) {
         let order = Self::by_halves(pairs.dof());
-        let words: Vec<String> = order.iter().map(usize::to_string).collect();
-        (pairs.with_columns(&order), format!("[{}]", words.join(", ")))
+        (pairs.with_columns(&order), order)
     }
 
     /// The positions of q₁ … qₙ, p₁ … pₙ among columns q₁ p₁ q₂ p₂ ….

@@ -6,7 +6,9 @@ use gyroceptron::Error;
 use gyroceptron::flow::{Pairs, Window};
 use gyroceptron::io::{Checkpoints, StoredModel, load_checkpoint, save_model, write_pairs};
 use gyroceptron::layer::{Activation, CircleAction, Neuron, Reversor, TorusAction};
-use gyroceptron::network::{Alternating, Block, LayerSizes, Layers, Modules, NetworkSpec, Part};
+use gyroceptron::network::{
+    Alternating, Block, LayerSizes, Layers, Modules, NamedArchitecture, NetworkSpec, Part,
+};
 use gyroceptron::scene::{Folder, OwnTraining, TrainingTimes, parse};
 use gyroceptron::system::Oscillators;
 use gyroceptron::train::{
@@ -98,6 +100,22 @@ fn one() -> f64 {
 
 const TABLE: &str = include_str!("../abilities.toml");
 const STUB: &str = include_str!("../../src/python/gyroceptron/__init__.pyi");
+
+/// Python's texts name all architectures and all their parts.
+#[test]
+fn texts_of_python_name_all_architectures() {
+    let texts = [
+        STUB,
+        include_str!("../../src/python/training.rs"),
+        include_str!("../../src/python/model.rs"),
+    ];
+    for named in NamedArchitecture::ALL {
+        let name = format!("\"{}\"", named.name);
+        assert!(texts.iter().all(|text| text.contains(&name)), "{name}");
+        let has_all = |text: &&str| named.sizes.iter().all(|(key, _)| text.contains(key));
+        assert!(texts[..2].iter().all(has_all), "{name}");
+    }
+}
 
 fn table() -> Abilities {
     toml::from_str(TABLE).expect("the table is whole")

@@ -71,6 +71,15 @@ def test_rotation_and_curves_are_found():
     orbit = np.stack([1 + np.cos(u) + 0.1 * np.cos(2 * u), 0.5 * np.sin(u)], 1)
     found, error = gyroceptron.rotation_number(orbit, (1.0, 0.0), 0.6)
     assert abs(found - turns) < 1e-7 and error < 1e-5
+    # Of several orbits each has that of itself alone, and one that is lost has none.
+    lost = orbit.copy()
+    lost[300:] = np.nan
+    of_all, errors = gyroceptron.rotation_number(np.stack([orbit, orbit[:, ::-1], lost], 1), (1.0, 0.0), 0.6)
+    alone = gyroceptron.rotation_number(orbit[:, ::-1], (1.0, 0.0), 0.6)
+    assert of_all.shape == (3,) and (of_all[0], errors[0]) == (found, error)
+    assert (of_all[1], errors[1]) == alone and np.isnan(of_all[2]) and np.isnan(errors[2])
+    with pytest.raises(gyroceptron.Error, match="orbit: .*shape"):
+        gyroceptron.rotation_number(np.zeros((5, 3)), (0.0, 0.0))
     circle = gyroceptron.InvariantCircle(orbit, found)
     assert abs(circle.turns - turns) < 1e-13 and circle.error < 1e-12
     assert abs(circle.area - np.pi / 2) < 1e-12
@@ -354,17 +363,23 @@ def test_a_map_of_a_turn_counts_whole_turns(lines):
     assert found == pytest.approx(turn.turns, abs=5e-3)
 
 
-def test_pairs_of_a_mirror_plane_are_reversible(lines):
+def test_pairs_of_a_mirror_plane_are_reversible(lines, tmp_path):
     """Errors of tracing are a smooth function of the points, and no sign of another map."""
-    states = lines.trace(lines.starts(12), 60)
-    before, after = states[:-1].reshape(-1, 2), states[1:].reshape(-1, 2)
-    with warnings.catch_warnings(record=True) as found:
-        warnings.simplefilter("always")
-        gyroceptron.SymplecticPolynomial(before, after, 12, "positions")
-    assert not [one for one in found if "reversible" in str(one.message)], [str(one.message) for one in found]
-    # About a reflection that is not theirs it is said.
-    with pytest.warns(UserWarning, match="no map that is reversible"):
-        gyroceptron.SymplecticPolynomial(before + [0, 0.01], after + [0, 0.01], 8, "positions")
+    section = tmp_path / "section.npz"
+    for shift, reversor, words in [
+        (0.0, "positions", None),
+        (0.0, None, "a map that is reversible by"),
+        # About a reflection that is not theirs.
+        (0.01, "positions", "no map that is reversible"),
+    ]:
+        states = lines.trace(lines.starts(12), 60) + [0, shift]
+        lines.write_section(section, states, overwrite=True)
+        before, after = states[:-1].reshape(-1, 2), states[1:].reshape(-1, 2)
+        with warnings.catch_warnings(record=True) as found:
+            warnings.simplefilter("always")
+            gyroceptron.SymplecticPolynomial(before, after, 12, reversor, section)
+        said = [str(one.message) for one in found if "reversible" in str(one.message)]
+        assert len(said) == (words is not None) and all(words in one for one in said), said
 
 
 def test_lines_that_leave_the_section_are_nan(lines, tmp_path):

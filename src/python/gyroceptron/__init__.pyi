@@ -449,8 +449,8 @@ def spectral_lines(
 
 def rotation_number(
     orbit: ArrayLike, centre: tuple[float, float], near: float = 0.0
-) -> tuple[float, float]:
-    """The rotation number of an orbit (T, 2) about a centre, in turns per step, and its error."""
+) -> tuple[Any, Any]:
+    """The rotation number of an orbit (T, 2), or of orbits (T, M, 2), about a centre, in turns per step, and its error."""
 
 def prove(
     model: Model,

@@ -30,7 +30,9 @@ impl Study for TrustStudy {
             let judgement = context.stage(&format!("orbits of {name}"), |_| {
                 Judgement::of(&trained.outcome, &data.training, held_out, (action, angles))
             })?;
-            let judgement = judgement.with_area_defects(data.area_defects.iter().copied());
+            let keeps_areas = trained.model().architecture().is_symplectic();
+            let defects = data.area_defects.iter().copied().filter(|_| keeps_areas);
+            let judgement = judgement.with_area_defects(defects);
             let mut found = trust(&judgement);
             let heading = || Block::Heading(format!("`{name}`"));
             summary.push(heading());
