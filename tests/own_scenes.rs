@@ -241,7 +241,6 @@ fn scenes_on_files_that_cannot_be_are_refused() {
     }
 }
 
-/// The scene of the guide, as it stands there.
 /// What `train` says of pairs before it trains, a scene on them says in its report.
 #[test]
 fn a_report_says_what_is_wrong_with_pairs() {
@@ -286,6 +285,8 @@ fn a_report_says_what_is_wrong_with_pairs() {
             let begin = &note[..40.min(note.len())];
             assert!(text.contains(note) && said.contains(begin), "{note} in {text}");
         }
+        // Also as a reason against long orbits.
+        assert_eq!(text.contains("change areas by 2.0e-2 a step"), shrinks < 1.0, "{text}");
         notes
     };
     assert_eq!(notes(1.0, ""), Vec::<String>::new());
@@ -296,6 +297,7 @@ fn a_report_says_what_is_wrong_with_pairs() {
     assert!(reversed.iter().any(|note| note.contains("reversible")), "{reversed:?}");
 }
 
+/// The scene of the guide, as it stands there.
 #[test]
 fn the_guide_shows_a_scene() {
     let chapter = include_str!("../src/guide/program.md");
