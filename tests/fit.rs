@@ -7,8 +7,8 @@ use gyroceptron::network::LayerSizes;
 use gyroceptron::prelude::*;
 use gyroceptron::random::Stream;
 use gyroceptron::train::{
-    ActionFit, Checkpoint, Control, FamilyPairs, FitNote, FitOptions, Judgement, Limit, Loss,
-    Optimiser, Outcome, Plateau, Progress, RampStage, Reading, Recipe, Starts, Stop,
+    ActionFit, AreaDefect, Checkpoint, Control, FamilyPairs, FitNote, FitOptions, Judgement, Limit,
+    Loss, Optimiser, Outcome, Plateau, Progress, RampStage, Reading, Recipe, Starts, Stop,
     TrainingObserver, TrainingStage,
 };
 
@@ -407,6 +407,26 @@ fn a_training_sees_past_whole_turns() {
     assert!(reason.contains("none for sure") && reason.contains("100 pairs"), "{reason}");
     let given = Fit { action: Some(right.clone()), ..fit.clone() };
     assert!(!given.prepare(few).expect("a given action").notes.iter().any(is_reading));
+}
+
+/// What pairs change areas by grows with steps, and an error of the density does not.
+#[test]
+fn areas_that_change_are_no_ground_for_long_orbits() {
+    let fitted = fit().run(pairs(150, 0.9, 1)).expect("trains");
+    let outcome = fitted.outcome();
+    let judged = |defect: Option<AreaDefect>| {
+        let of = Judgement::of(outcome, &fitted.problem.pairs, None, fitted.nearest());
+        let of = of.expect("orbits");
+        let before = [of.no_long_orbits.len(), of.care.len()];
+        let of = of.with_area_defects(defect);
+        [of.no_long_orbits.len() - before[0], of.care.len() - before[1]]
+    };
+    assert_eq!(judged(None), [0, 0]);
+    assert_eq!(judged(Some(AreaDefect::Pairs(0.9e-5))), [0, 0]);
+    assert_eq!(judged(Some(AreaDefect::Pairs(1.1e-5))), [1, 0]);
+    assert_eq!(judged(Some(AreaDefect::Pairs(f64::NAN))), [1, 0]);
+    assert_eq!(judged(Some(AreaDefect::Density(0.9e-2))), [0, 0]);
+    assert_eq!(judged(Some(AreaDefect::Density(1.1e-2))), [0, 1]);
 }
 
 /// Pairs with friction are those of no symplectic network, and no fault of one that has friction.

@@ -442,7 +442,8 @@ fn bad_coils_are_refused() {
     // Points that come back by themselves, and that go to and fro.
     let mut closed: Vec<[f64; 3]> =
         (0..40).map(|k| TAU * f64::from(k) / 39.0).map(|t| [3.0 + t.cos(), 0.0, t.sin()]).collect();
-    closed[39] = closed[0];
+    // As it comes of equidistant angles, the last point is off the first by rounding.
+    assert_ne!(closed[39], closed[0]);
     let text = said(Coil::of_points(&closed, 1.0).expect_err("closed twice"));
     assert!(text.contains("the first one again"), "{text}");
     closed.pop();
@@ -461,6 +462,41 @@ fn bad_coils_are_refused() {
     let sign = f64::signum(toroidal.cylindrical(3.9, 0.0, 0.0)[1]);
     assert!(toroidal.check_at([3.9, 0.0], 0.0, sign).is_ok());
     assert!(toroidal.check_at([3.9, 0.0], 0.0, -sign).is_err());
+}
+
+/// A coil of many turns is its own image under a turn by a period, wound forth or back; both together are two coils, and
+/// so are rings a little apart.
+#[test]
+fn coils_of_many_turns_are_their_own_images() {
+    let wound = |turns: f64, radius: f64| {
+        let samples = 40 * turns.abs() as usize;
+        let points: Vec<[f64; 3]> = (0..samples)
+            .map(|k| TAU * k as f64 / samples as f64)
+            .map(|phi| {
+                let distance = 3.9 + radius * (turns * phi).cos();
+                [distance * phi.cos(), distance * phi.sin(), radius * (turns * phi).sin()]
+            })
+            .collect();
+        Coil::of_points(&points, 1e5).expect("a coil")
+    };
+    let all = |coils: Vec<Coil>, periods: u32| {
+        CoilSet { coils, periods, stellarator_symmetric: false }.all().map(|all| all.len())
+    };
+    for turns in [20.0, 60.0, -20.0] {
+        assert_eq!(all(vec![wound(turns, 1.3)], 10).expect("one"), 1, "{turns}");
+        // Under a turn that is no part of one of its own it is another coil.
+        assert_eq!(all(vec![wound(turns, 1.3)], 7).expect("seven"), 7, "{turns}");
+    }
+    assert_eq!(all(vec![wound(16.0, 1.3), wound(-16.0, 1.3)], 1).expect("two"), 2);
+    let ring = |radius: f64| Coil {
+        cosines: vec![[0.0; 3], [radius, 0.0, 0.0]],
+        sines: vec![[0.0; 3], [0.0, radius, 0.0]],
+        current: 1.0,
+        width: 0.0,
+    };
+    assert_eq!(all(vec![ring(5.0), ring(5.009)], 5).expect("two"), 2);
+    let wide = Coil { width: 0.1, ..ring(5.0) };
+    assert_eq!(all(vec![ring(5.0), wide], 5).expect("of two widths"), 2);
 }
 
 /// Modes of simsopt's text format: the ring, and one that is turned a quarter about x.

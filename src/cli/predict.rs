@@ -195,9 +195,13 @@ pub fn predict(arguments: &Predict) -> Result<Status, Error> {
             let all = apart.len();
             for (index, at) in apart.iter().enumerate().skip(1) {
                 if index.is_power_of_two() || index + 1 == all {
-                    let Distance { steps, rms, largest } = at;
+                    let Distance { steps, rms, largest, lost } = at;
+                    let without = match lost {
+                        0 => String::new(),
+                        lost => format!(", without {lost} that are lost"),
+                    };
                     out(&format!(
-                        "  after {steps} steps {rms:.2e} (rms), {largest:.2e} at most\n"
+                        "  after {steps} steps {rms:.2e} (rms), {largest:.2e} at most{without}\n"
                     ))?;
                 }
             }
@@ -213,6 +217,8 @@ struct Distance {
     /// The root mean square distance over all trajectories, in units of the data.
     rms: f64,
     largest: f64,
+    /// The trajectories that have left the section by then, which are in neither.
+    lost: usize,
 }
 
 fn distances(values: &[f64], others: &Trajectories, every: usize) -> Vec<Distance> {
@@ -220,8 +226,14 @@ fn distances(values: &[f64], others: &Trajectories, every: usize) -> Vec<Distanc
     let states = values.chunks_exact(row).zip(others.values().chunks_exact(row)).enumerate();
     let of = |(index, (own, other)): (usize, (&[f64], &[f64]))| {
         let both = own.chunks_exact(dim).zip(other.chunks_exact(dim));
-        let largest = both.map(|(a, b)| root_mean_square_distance(a, b, dim)).fold(0.0, max_or_nan);
-        Distance { steps: index * every, rms: root_mean_square_distance(own, other, dim), largest }
+        let (kept, lost): (Vec<_>, Vec<_>) =
+            both.partition(|(own, _)| own.iter().all(|v| !v.is_nan()));
+        let distances = kept.iter().map(|(a, b)| root_mean_square_distance(a, b, dim));
+        let largest = distances.fold(0.0, max_or_nan);
+        let own: Vec<f64> = kept.iter().flat_map(|(own, _)| *own).copied().collect();
+        let other: Vec<f64> = kept.iter().flat_map(|(_, other)| *other).copied().collect();
+        let rms = root_mean_square_distance(&own, &other, dim);
+        Distance { steps: index * every, rms, largest, lost: lost.len() }
     };
     states.map(of).collect()
 }

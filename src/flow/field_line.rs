@@ -204,8 +204,8 @@ impl<'a> LineMap<'a> {
         let distance = self.field.distance([place[0] * cos, place[0] * sin, place[1]]);
         if distance < self.field.resolved_from() {
             let expected = format!(
-                "a place off the coils: it is {distance:.3e} m from a coil, and the field of points along coils is \
-                 theirs from {:.3e} m on",
+                "a place off the coils: it is {distance:.3e} m from a coil, and the points along it stand for it \
+                 from {:.3e} m on",
                 self.field.resolved_from()
             );
             let found = format!("(R, Z) = ({:.6}, {:.6})", place[0], place[1]);

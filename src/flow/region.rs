@@ -85,7 +85,9 @@ impl Region {
         let dim = self.low.len();
         let outside = |z: &[f64]| {
             let coordinate = around.first_outside(z)?;
-            Some(OutsideRegion { coordinate, value: z[coordinate] })
+            // What is no number has left before, and a section: see [`SectionExit`].
+            let value = z[coordinate];
+            (!value.is_nan()).then_some(OutsideRegion { coordinate, value })
         };
         let outside = values.chunks_exact(dim).map(outside);
         RegionExit::first_of(outside, points, every)

@@ -318,6 +318,9 @@ impl StoredModel {
             return None;
         }
         let outside = |z: &[f64]| {
+            if z.iter().any(|v| v.is_nan()) {
+                return None;
+            }
             let mut z = z.to_vec();
             self.to_network(&mut z);
             let first = || OutsidePolynomials { reach: self.model.reach(&z) };

@@ -179,7 +179,7 @@ impl ProofFile {
         let (_, value) = parse_header(&place, &read_bytes(path)?, FORMAT, VERSION)?;
         let text: Text = parse_content(&place, value, FORMAT)?;
         if text.own_digest()? != text.digest {
-            return Err(Error::Edited { place: place.into(), covers: "the proof" });
+            return Err(Error::Edited { place, covers: "the proof" });
         }
         let circle = |(number, entry): (usize, CircleEntry)| {
             let wrong = |what: &str| {

@@ -685,7 +685,7 @@ impl Block {
 
 /// Widths as files have them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(untagged, expecting = "something else than a list of widths, or { count, width }")]
+#[serde(untagged, expecting = "widths that are neither a list nor { count, width }")]
 enum Widths {
     List(Vec<usize>),
     Uniform(Uniform),
@@ -700,7 +700,7 @@ struct Uniform {
 
 /// One width for all layers, or two that alternate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(untagged, expecting = "something else than a number of neurons, or two by turns")]
+#[serde(untagged, expecting = "a width that is neither a number of neurons nor two by turns")]
 pub enum Alternating {
     /// One width that all layers have.
     Same(usize),
@@ -781,7 +781,7 @@ struct BlockTable {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(
     untagged,
-    expecting = "something else than sigmoid, tanh or sech2 of a SympNet, tanh or arctan of neurons"
+    expecting = "an activation other than sigmoid, tanh or sech2 of a SympNet, tanh or arctan of neurons"
 )]
 enum ActivationName {
     Module(Activation),

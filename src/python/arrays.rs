@@ -107,7 +107,7 @@ pub(super) fn numbers_of(name: &str, rows: &Rows<'_>) -> PyResult<Vec<f64>> {
         [_] => Ok(values),
         _ => {
             let found = format!("an array of shape {shape:?}");
-            Err(Error::invalid(name, found, "a number, or a list of numbers").into())
+            Err(Error::invalid(name, found, "an array of one dimension").into())
         }
     }
 }

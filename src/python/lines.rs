@@ -12,7 +12,7 @@ use crate::layer::Reversor;
 use crate::measure::orbits::{Branch, SymmetryLine, lyapunov_exponent, smaller_alignment_index};
 use crate::network::Pace;
 use crate::phase::Direction;
-use crate::scalar::Dual;
+use crate::scalar::{Dual, max_or_nan};
 use crate::system::Torsatron;
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
@@ -35,8 +35,25 @@ use std::path::PathBuf;
 #[pyclass(frozen, module = "gyroceptron", name = "FieldLines")]
 pub(super) struct FieldLines {
     section: LineSection,
-    /// Whether lines run backwards in the mirror Z -> -Z of the section.
-    is_mirrored: bool,
+}
+
+impl FieldLines {
+    /// Whether lines run backwards in the mirror S: Z -> -Z of the section, P(S P(z)) = S z, as a few have it.
+    fn is_mirrored(&self) -> Result<bool, Error> {
+        const LINES: usize = 8;
+        /// So many times the error of a map, which is made twice.
+        const ABOVE: f64 = 30.0;
+        /// Of coordinates, which are rounded.
+        const LEAST: f64 = 1e-12;
+        let (starts, map) = (self.section.starts(LINES), self.section.map());
+        let mirrored = |mut points: Vec<f64>| {
+            points.iter_mut().skip(1).step_by(2).for_each(|z| *z = -*z);
+            points
+        };
+        let back = map.trajectories(&mirrored(map.trajectories(&starts, 1)?), 1)?;
+        let apart = back.iter().zip(mirrored(starts)).map(|(a, b)| (a - b).abs());
+        Ok(apart.fold(0.0, max_or_nan) <= ABOVE * self.section.error() + LEAST)
+    }
 }
 
 /// The machine that is there without a file.
@@ -89,33 +106,33 @@ impl FieldLines {
         axis: Option<[f64; 2]>,
         error: f64,
     ) -> PyResult<Self> {
-        let (set, of_machine, is_symmetric, guess) = match coils {
+        let (set, of_machine, guess) = match coils {
             Some(path) => {
-                let needed = "given, since coils are: the currents of these and the field periods of the machine";
-                let missing = |name: &str| Error::invalid(name, "None", needed);
-                let currents = currents.ok_or_else(|| missing("currents"))?;
-                let of_machine = field_periods.ok_or_else(|| missing("field_periods"))?;
+                let missing = |name: &str, needed: &str| Error::invalid(name, "None", needed);
+                let needed = "a list with the current of each coil of the file";
+                let currents = currents.ok_or_else(|| missing("currents", needed))?;
+                let needed = "those of the machine that the coils of the file are of";
+                let of_machine = field_periods.ok_or_else(|| missing("field_periods", needed))?;
                 let set = read_coils(&path, &currents, of_machine, stellarator_symmetric)?;
-                (set, of_machine, stellarator_symmetric, axis)
+                (set, of_machine, axis)
             }
             None => {
                 if currents.is_some() || field_periods.is_some() {
-                    let expected = "a file of coils, which currents and field_periods are of";
+                    let expected = "a file, since currents or field_periods are given";
                     return Err(Error::invalid("coils", "None", expected).into());
                 }
                 let own = torsatron();
-                (own.coils()?, own.periods, true, axis.or(Some([own.major_radius, 0.0])))
+                (own.coils()?, own.periods, axis.or(Some([own.major_radius, 0.0])))
             }
         };
-        let is_mirrored = is_symmetric && (2.0 * section).fract() == 0.0;
         Error::check_count_range("periods", periods as usize, 1, 1000)?;
         Error::check_finite("section", section)?;
-        let coils = set.all()?;
+        let coils = py.detach(|| set.all())?;
         let of_machine = f64::from(of_machine);
         let (phi, angle) = (TAU * section / of_machine, TAU * f64::from(periods) / of_machine);
         let request = LineRequest { phi, angle, reach, guess, error };
         let section = interruptible(py, |pace| LineSection::new_at_pace(&coils, request, pace))?;
-        Ok(Self { section, is_mirrored })
+        Ok(Self { section })
     }
 
     /// R and Z of the magnetic axis, in metres.
@@ -187,8 +204,19 @@ impl FieldLines {
         let points = points_of("points", &points, 1)?;
         Error::check_count_range("maps", maps, 1, 1 << 32)?;
         let map = self.section.map();
-        let values =
-            by_parts(py, "distances", 2, &points.values, |part| map.nearest_to_coils(part, maps))?;
+        let values = interruptible(py, |pace| {
+            let mut here = points.values.clone();
+            let mut nearest = vec![f64::INFINITY; here.len() / 2];
+            for _ in 0..maps {
+                for (nearest, found) in nearest.iter_mut().zip(map.nearest_to_coils(&here, 1)?) {
+                    // A NaN stays.
+                    *nearest = if nearest.is_nan() || found >= *nearest { *nearest } else { found };
+                }
+                here = map.trajectories(&here, 1)?;
+                pace.pause("distances", 1)?;
+            }
+            Ok(nearest)
+        })?;
         array(py, values, points.shape(&[], &[]))
     }
 
@@ -327,7 +355,7 @@ impl FieldLines {
         samples: usize,
     ) -> PyResult<Bound<'py, PyList>> {
         let reversor = Reversor::find(reversor)?;
-        if reversor != Reversor::Positions || !self.is_mirrored {
+        if reversor != Reversor::Positions || !self.is_mirrored()? {
             let expected = "positions, at a section that is a mirror plane: 0 or 0.5 with stellarator symmetry";
             let phi = self.section.request().phi;
             let found = format!("{} at phi = {phi:.6}", reversor.name());

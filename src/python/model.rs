@@ -197,7 +197,8 @@ impl Model {
     /// Trajectories from `points`, (..., 2n), in units of the data: an array (abs(steps) // every + 1, ..., 2n), the
     /// points themselves first. `outside` says what to do when a trajectory leaves the box of the training points by
     /// more than a hundredth of its width, or the box of the network's polynomials, if it has any: "warn"
-    /// (UserWarning), "stop" (an Error) or "ignore". A trajectory that leaves the box of a section is NaN from there on.
+    /// (UserWarning), "stop" (an Error) or "ignore". A trajectory that leaves the box of a section is NaN from there
+    /// on.
     ///
     /// Negative `steps` apply the inverse map. With grid=B the first state and every increment are rounded to a grid of
     /// 2^-B in the coordinates of the network: as many steps back from the last state then lead to the first one, bit

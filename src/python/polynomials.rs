@@ -171,7 +171,8 @@ impl PySymplecticPolynomial {
     /// The states of the trajectories from `points`, (..., 2n), with one in `every` kept: (abs(steps) // every + 1,
     /// ..., 2n), the points themselves first. Negative `steps` apply the inverse map. `outside` says what to do when a
     /// trajectory leaves the box of the pairs by more than a hundredth of its width, beyond which polynomials grow
-    /// without a bound: "warn" (UserWarning), "stop" (an Error) or "ignore".
+    /// without a bound: "warn" (UserWarning), "stop" (an Error) or "ignore". A trajectory that leaves the box of a
+    /// section is NaN from there on.
     #[pyo3(signature = (points, steps=1, every=1, outside="warn"))]
     fn predict<'py>(
         &self,

@@ -270,7 +270,7 @@ fn condition(name: &str, of: Option<Condition<'_>>) -> PyResult<OfNetworkAndPair
 /// Warns (UserWarning) when the pairs fit far better in another order of columns or with another circle action, when
 /// they do not keep areas, have a symmetry that the network has not or not the one that it has, or have epsilon below
 /// 0. Raises Error when an argument is wrong, an array has a mask or numbers that are complex, NaN or infinite, "auto"
-/// is not sure, or the report would replace another. Ctrl-C ends it, within a second of most trainings.
+/// is not sure, or the report would replace another. Ctrl-C ends it, in most trainings within a second.
 #[pyfunction]
 #[pyo3(signature = (
     input, output, circle_action=Circles::Auto, *, recipe=None, scene=None, architecture=None, psi=None,

@@ -70,7 +70,7 @@ pub fn find(name: &str) -> Result<&'static CatalogueEntry, Error> {
         let names: Vec<_> = catalogue().iter().map(|entry| entry.name).collect();
         let expected = match nearest(name, names.iter().copied()) {
             Some(nearest) => {
-                format!("that of a built-in scene (did you mean `{nearest}`?) or a .toml file")
+                format!("the name of a built-in scene (did you mean `{nearest}`?) or a .toml file")
             }
             None => format!("one of {} or a .toml file", names.join(", ")),
         };

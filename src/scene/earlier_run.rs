@@ -65,8 +65,10 @@ impl Folder {
         if !resume {
             check_replaced(path)?;
         }
+        let is_new = !path.exists();
         std::fs::create_dir_all(path).map_err(|reason| Error::write(path, reason))?;
-        let folder = Self { path: path.to_owned(), resume, overwrite, jobs: None, job_of: None };
+        let path_of = path.to_owned();
+        let folder = Self { path: path_of, resume, overwrite, is_new, jobs: None, job_of: None };
         probe(path)?;
         if holds_run && !resume {
             folder.clear()?;
@@ -74,8 +76,9 @@ impl Folder {
         Ok(folder)
     }
 
-    /// Removes the scene of a run that failed before anything else was written, also of its parts, and the folder, so
-    /// that the run can be called again as it was. A folder that cannot be read stays as it is: the failure is what is reported.
+    /// Removes the scene of a run that failed before anything else was written, also of its parts, so that the run can
+    /// be called again as it was; with the folder, if it was made for this run. A folder that cannot be read stays as
+    /// it is: the failure is what is reported.
     pub(super) fn remove_bare_scenes(&self) {
         fn is_removed(path: &Path) -> bool {
             let Ok(entries) = std::fs::read_dir(path) else { return false };
@@ -86,10 +89,11 @@ impl Folder {
             let own = path.join(AS_RUN);
             bare && files.iter().all(|file| *file == own)
                 && (files.is_empty() || std::fs::remove_file(&own).is_ok())
-                // Which fails where anything is left.
-                && std::fs::remove_dir(path).is_ok()
         }
-        is_removed(&self.path);
+        if is_removed(&self.path) && self.is_new {
+            // With those of its parts.
+            let _ = std::fs::remove_dir_all(&self.path);
+        }
     }
 
     /// Whether files of a run are in this folder.
@@ -124,7 +128,8 @@ impl Folder {
         Self::check_report(path, overwrite)?;
         std::fs::create_dir_all(path).map_err(|reason| Error::write(path, reason))?;
         let path = path.to_owned();
-        let folder = Self { path, resume: false, overwrite, jobs: None, job_of: None };
+        let is_new = false;
+        let folder = Self { path, resume: false, overwrite, is_new, jobs: None, job_of: None };
         folder.remove(&folder.names_of_report(folder.earlier_scene().as_ref()))?;
         Ok(folder)
     }

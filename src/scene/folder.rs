@@ -17,6 +17,8 @@ pub struct Folder {
     pub(super) path: PathBuf,
     pub(super) resume: bool,
     pub(super) overwrite: bool,
+    /// It was made for this run.
+    pub(super) is_new: bool,
     /// The jobs that have made data, and trained networks, for what is done here.
     pub(super) jobs: Option<JobFolders>,
     /// The training, by the name of its files, that is the job which is done here: others are gone on with from

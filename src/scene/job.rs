@@ -200,7 +200,8 @@ fn do_job(
         Task::Data(_) | Task::Merge => "",
     };
     let job_of = Some(name.to_owned());
-    let folder = Folder { path, resume: true, overwrite: false, jobs: Some(jobs), job_of };
+    let (is_new, jobs) = (false, Some(jobs));
+    let folder = Folder { path, resume: true, overwrite: false, is_new, jobs, job_of };
     let declared = of_part.declared();
     let mut context = Context::new(&declared, &folder, &[], observer);
     let mut made = None;

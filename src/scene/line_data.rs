@@ -387,10 +387,12 @@ impl OfMachine {
         maps: usize,
         stopped: &dyn Fn() -> bool,
     ) -> Result<Option<Self>, Error> {
-        let turns = section.turns().abs();
+        // By whole turns points of a line do not go round.
+        let turns = section.turns();
+        let turns = (turns - turns.round()).abs();
         if !(turns * maps as f64 >= 1.0) {
-            let expected =
-                format!("{:.0} maps at least, in which lines go round the section", 1.0 / turns);
+            let least = (1.0 / turns).ceil();
+            let expected = format!("{least} maps at least, in which lines go round the section");
             return Err(Error::invalid("data.orbit", maps, expected));
         }
         let count = lines.lines;

@@ -176,9 +176,8 @@ impl OwnTraining<'_> {
         let error = root_mean_square(&found);
         let of = ByComponent::new(found, nearest, judge, units);
         let network = name.clone();
-        let defects = problem.notes.iter().filter_map(FitNote::area_defect);
-        let judgement =
-            Judgement::of(&training.outcome, pairs, held_out, nearest)?.with_area_defects(defects);
+        let judgement = Judgement::of(&training.outcome, pairs, held_out, nearest)?
+            .with_area_defects(problem.area_defects());
         let mut trust = trust(&judgement);
         let rotation = rotation_error.sqrt() / baseline.size;
         let next = NextStep::after(&problem, &training.outcome, &judgement, rotation);

@@ -32,7 +32,11 @@ impl Coil {
         for v in points.iter().flatten().chain([&current]) {
             Error::check_finite("coil", *v)?;
         }
-        if points[0] == points[count - 1] {
+        let distance = |a: usize, b: usize| {
+            libm::sqrt((0..3).map(|axis| (points[a][axis] - points[b][axis]).powi(2)).sum::<f64>())
+        };
+        let length: f64 = (1..count).map(|k| distance(k - 1, k)).sum();
+        if distance(0, count - 1) <= SAME_POINT * length / (count - 1) as f64 {
             let found = "a last point that is the first one again";
             let expected = "each point once: the curve closes by itself";
             return Err(Error::invalid("points of a coil", found, expected));
@@ -56,7 +60,9 @@ impl Coil {
         let share = out.highest_modes();
         if count >= SMOOTH_FROM && share > MOST_HIGHEST {
             let found = format!("a share of {share:.1e} that goes to and fro from point to point");
-            let expected = format!("{MOST_HIGHEST} at most: points along a smooth curve, in order");
+            let expected = format!(
+                "{MOST_HIGHEST} at most: points along a smooth curve, in order, and more of them at corners"
+            );
             return Err(Error::invalid("points of a coil", found, expected));
         }
         Ok(out)
@@ -70,26 +76,6 @@ impl Coil {
         };
         let largest = |from: usize| (from..self.cosines.len()).map(amplitude).fold(0.0, max_or_nan);
         largest(self.cosines.len() * 7 / 8) / largest(1)
-    }
-
-    /// Points along it, and how far they may be from another curve that is the same.
-    fn outline(&self) -> Outline {
-        /// Points for each mode: between two, the curve is nearly straight.
-        const POINTS: usize = 16;
-        const FEWEST: usize = 256;
-        /// Of its size.
-        const SAME: f64 = 1e-3;
-        let wanted = POINTS * self.cosines.len();
-        let count = if wanted > FEWEST { wanted } else { FEWEST };
-        let points: Vec<[f64; 3]> =
-            (0..count).map(|k| self.at(k as f64 / count as f64).0).collect();
-        let spread = |axis: usize| {
-            let of = || points.iter().map(|point| point[axis]);
-            of().fold(f64::NEG_INFINITY, max_or_nan)
-                + of().map(|v| -v).fold(f64::NEG_INFINITY, max_or_nan)
-        };
-        let size = (0..3).map(spread).fold(0.0, max_or_nan);
-        Outline { points, near: SAME * size }
     }
 
     /// The point x(t) of the coil and dx/dt, in metres.
@@ -136,50 +122,88 @@ impl Coil {
     }
 }
 
-/// A coil as a closed polygon.
-struct Outline {
+/// That an image of a coil is another one that is given, too.
+fn of_another((period, flipped): (usize, bool), first: usize, second: usize) -> Error {
+    let (found, expected) = match (period, flipped) {
+        (0, false) => (
+            format!("coil {first} and coil {second} on one curve"),
+            "each curve once, with the sum of its currents",
+        ),
+        _ => (
+            format!("coil {first}, an image of which is coil {second}"),
+            "the coils of one field period, or of half of one with stellarator symmetry: the others are their images \
+             (a file of the whole machine has one period and no such symmetry)",
+        ),
+    };
+    Error::invalid("coils", found, expected)
+}
+
+/// A coil and points along it, among which the place on it that is nearest to another point is looked for.
+struct Outline<'a> {
+    coil: &'a Coil,
     points: Vec<[f64; 3]>,
+    /// How far another curve that is the same may be from it, in metres.
     near: f64,
 }
 
-impl Outline {
-    /// Whether another curve lies on this one.
-    fn has(&self, other: &Self) -> bool {
-        /// Of the points of the other: more say no more of curves of so few modes.
-        const TESTED: usize = 32;
-        let near = self.near * self.near;
-        let ends = self.points.iter().zip(self.points.iter().cycle().skip(1));
-        let is_on = |point: &[f64; 3]| {
-            ends.clone().any(|(from, to)| square_distance(*point, *from, *to) <= near)
+impl<'a> Outline<'a> {
+    fn of(coil: &'a Coil) -> Self {
+        /// Points for each mode: from the nearest of them Newton's method finds the nearest place.
+        const POINTS: usize = 16;
+        const FEWEST: usize = 256;
+        const MOST: usize = 4096;
+        /// Of the size of the coil.
+        const SAME: f64 = 1e-5;
+        let count = (POINTS * coil.cosines.len()).clamp(FEWEST, MOST);
+        let points: Vec<[f64; 3]> =
+            (0..count).map(|k| coil.at(k as f64 / count as f64).0).collect();
+        let spread = |axis: usize| {
+            let of = |sign: f64| {
+                let values = points.iter().map(|point| sign * point[axis]);
+                values.fold(f64::NEG_INFINITY, max_or_nan)
+            };
+            of(1.0) + of(-1.0)
         };
-        let step = (other.points.len() / TESTED).max(1);
-        other.points.iter().step_by(step).all(is_on)
+        let size = (0..3).map(spread).fold(0.0, max_or_nan);
+        Self { coil, points, near: SAME * size }
     }
 
-    /// Whether it has the direction of another curve on it.
-    fn runs_as(&self, other: &Self) -> bool {
-        let [here, there] = [other.points[0], other.points[1]];
+    /// The direction of the coil where it is nearest to a point, and the distance.
+    fn nearest(&self, point: [f64; 3]) -> ([f64; 3], f64) {
+        const STEPS: usize = 6;
+        let from = |place: [f64; 3]| [0, 1, 2].map(|axis| point[axis] - place[axis]);
+        let product = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+        let square = |k: usize| product(from(self.points[k]), from(self.points[k]));
         let count = self.points.len();
-        let distance =
-            |k: usize| square_distance(here, self.points[k], self.points[(k + 1) % count]);
-        let nearest =
-            (1..count).fold(0, |best, k| if distance(k) < distance(best) { k } else { best });
-        let (from, to) = (self.points[nearest], self.points[(nearest + 1) % count]);
-        (0..3).map(|axis| (to[axis] - from[axis]) * (there[axis] - here[axis])).sum::<f64>() > 0.0
+        let first = (1..count).fold(0, |best, k| if square(k) < square(best) { k } else { best });
+        let mut t = first as f64 / count as f64;
+        let (mut place, mut tangent) = self.coil.at(t);
+        for _ in 0..STEPS {
+            let speed = product(tangent, tangent);
+            t += if speed > 0.0 { product(from(place), tangent) / speed } else { 0.0 };
+            (place, tangent) = self.coil.at(t);
+        }
+        (tangent, libm::sqrt(product(from(place), from(place))))
+    }
+
+    /// Whether another coil is the same curve with the same width; then whether it has the same direction.
+    fn same_direction(&self, other: &Coil) -> Option<bool> {
+        /// Parts of the golden section of a turn, which no mode has for a period.
+        const GOLDEN: f64 = 0.618_033_988_749_894_9;
+        let tested = (2 * other.cosines.len() + 1).clamp(67, 257);
+        let at = |k: usize| other.at((k as f64 * GOLDEN).fract());
+        let is_on = |k: usize| self.nearest(at(k).0).1 <= self.near;
+        if self.coil.width != other.width || !(0..tested).all(is_on) {
+            return None;
+        }
+        let (point, along) = at(0);
+        let (tangent, _) = self.nearest(point);
+        Some((0..3).map(|axis| tangent[axis] * along[axis]).sum::<f64>() > 0.0)
     }
 }
 
-/// The square of the distance of a point from a straight piece of a line.
-fn square_distance(point: [f64; 3], from: [f64; 3], to: [f64; 3]) -> f64 {
-    let difference = |a: [f64; 3], b: [f64; 3]| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
-    let product = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-    let (along, off) = (difference(to, from), difference(point, from));
-    let length = product(along, along);
-    let part = if length > 0.0 { (product(off, along) / length).clamp(0.0, 1.0) } else { 0.0 };
-    let foot = [0, 1, 2].map(|axis| off[axis] - part * along[axis]);
-    product(foot, foot)
-}
-
+/// The distance of the last point of a coil from the first, over the mean distance of points, below which they are one.
+const SAME_POINT: f64 = 1e-6;
 /// Fewer points of a coil than this are not judged by how smooth they are.
 const SMOOTH_FROM: usize = 16;
 /// The largest share of the highest mode of points along a smooth curve.
@@ -231,50 +255,50 @@ impl CoilSet {
         Error::check_count_range("periods", self.periods as usize, 1, 1000)?;
         let carry: Vec<(usize, &Coil)> =
             self.coils.iter().enumerate().filter(|(_, coil)| coil.current != 0.0).collect();
-        let outlines: Vec<Outline> = carry.iter().map(|(_, coil)| coil.outline()).collect();
+        let outlines: Vec<Outline<'_>> = carry.iter().map(|(_, coil)| Outline::of(coil)).collect();
+        let periods = self.periods as usize;
+        let flips = if self.stellarator_symmetric { &[false, true][..] } else { &[false] };
+        let elements: Vec<(usize, bool)> =
+            (0..periods).flat_map(|period| flips.iter().map(move |flip| (period, *flip))).collect();
         let mut all = Vec::new();
         for (own, (number, coil)) in carry.iter().enumerate() {
-            let mut images: Vec<(Outline, f64)> = Vec::new();
-            for period in 0..self.periods {
-                let angle = TAU * f64::from(period) / f64::from(self.periods);
-                for flipped in [false, true] {
-                    if flipped && !self.stellarator_symmetric {
-                        continue;
+            let image = |&(period, flipped): &(usize, bool)| {
+                coil.turned(TAU * period as f64 / periods as f64, flipped)
+            };
+            // The elements of the symmetry under which it is its own image.
+            let mut fixed = Vec::new();
+            for element in &elements {
+                let image = image(element);
+                for (other, outline) in outlines.iter().enumerate() {
+                    let Some(same_direction) = outline.same_direction(&image) else { continue };
+                    if other != own {
+                        return Err(of_another(*element, number + 1, carry[other].0 + 1));
                     }
-                    let image = coil.turned(angle, flipped);
-                    let outline = image.outline();
-                    let others = outlines.iter().zip(&carry).enumerate();
-                    let mut others = others.filter(|(other, _)| *other != own);
-                    if let Some((_, (_, (other, _)))) =
-                        others.find(|(_, (given, _))| given.has(&outline))
-                    {
-                        let [first, second] = [number + 1, other + 1];
-                        let found = match (period, flipped) {
-                            (0, false) => format!("coil {first} and coil {second} on one curve"),
-                            _ => format!("coil {first}, an image of which is coil {second}"),
-                        };
-                        let expected = "coils none of which is an image of another: those of one field period, or of \
-                                        half of one with stellarator symmetry; of all coils of a machine, one period \
-                                        without it";
+                    if same_direction != (coil.current * image.current > 0.0) {
+                        let found = format!(
+                            "coil {}, an image of which is itself against its current",
+                            number + 1
+                        );
+                        let expected = "coils whose currents have the symmetry of the machine";
                         return Err(Error::invalid("coils", found, expected));
                     }
-                    match images.iter().find(|(known, _)| known.has(&outline)) {
-                        None => {
-                            images.push((outline, image.current));
-                            all.push(image);
-                        }
-                        Some((known, current))
-                            if known.runs_as(&outline) != (current * image.current > 0.0) =>
-                        {
-                            let found = format!(
-                                "coil {}, an image of which is itself against its current",
-                                number + 1
-                            );
-                            let expected = "coils whose currents have the symmetry of the machine";
-                            return Err(Error::invalid("coils", found, expected));
-                        }
-                        Some(_) => {}
-                    }
+                    fixed.push(*element);
+                }
+            }
+            // Of images that are the same curve the first.
+            let mut made: Vec<(usize, bool)> = Vec::new();
+            for &(period, flipped) in &elements {
+                let is_known = made.iter().any(|&(earlier, turned)| {
+                    // The element that takes the earlier image to this one, before both are made.
+                    let by = match turned {
+                        false => period + periods - earlier,
+                        true => earlier + periods - period,
+                    };
+                    fixed.contains(&(by % periods, flipped != turned))
+                });
+                if !is_known {
+                    made.push((period, flipped));
+                    all.push(image(&(period, flipped)));
                 }
             }
         }

@@ -182,7 +182,7 @@ impl fmt::Display for FitNote {
                 match self.is_warning() {
                     true => f.write_str(
                         ". Whether the pairs keep its area cannot be told to more than that: take a density on a \
-                         finer grid, or a smoother one",
+                         finer grid, a smoother one, or one with more digits",
                     ),
                     false => Ok(()),
                 }
@@ -210,7 +210,7 @@ impl fmt::Display for FitNote {
                     true =>
                         "is this the right density, at each value of the controls if there are any",
                     false =>
-                        "are q and p canonical, and is there no friction, which a coupling gyroceptron can follow",
+                        "are q and p canonical, and is there no friction (a coupling gyroceptron is for that)",
                 }
             ),
             Self::Reversal(defect) => write!(f, "{defect}"),
@@ -517,11 +517,14 @@ impl Fit {
         let (action, fits) = self.examine(&data, &mut notes, go_on)?;
         let epsilon = Family::new(self, &data).epsilon;
         let mut reversals: Vec<ReversalDefect> = Vec::new();
+        let mut keep_areas = networks.is_empty();
         for network in networks {
             let any = network.architecture(&action, epsilon, 1.0)?;
+            keep_areas |= any.is_symplectic();
             let of = |fits: &TwoFits| ReversalDefect::worth_saying(pairs, fits, &any);
             reversals.extend(fits.as_ref().and_then(of).filter(|one| !reversals.contains(one)));
         }
+        notes.retain(|note| keep_areas || !matches!(note, FitNote::Form(..)));
         notes.extend(reversals.into_iter().map(FitNote::Reversal));
         Ok(notes)
     }
@@ -909,6 +912,12 @@ pub struct Problem {
 }
 
 impl Problem {
+    /// What is known of how well its pairs keep areas; nothing where the network keeps none.
+    pub fn area_defects(&self) -> Vec<AreaDefect> {
+        let defects = self.notes.iter().filter_map(FitNote::area_defect);
+        defects.filter(|_| self.architecture.is_symplectic()).collect()
+    }
+
     fn initial_models<'a>(&'a self, rings: Option<&'a Rings>) -> InitialModels<'a> {
         let has_circle = self.architecture.has_circle();
         InitialModels {
@@ -996,6 +1005,6 @@ impl Fitted {
     pub fn judgement(&self) -> Result<Judgement, Error> {
         let (pairs, held_out) = (&self.problem.pairs, self.problem.held_out.as_ref());
         let judgement = Judgement::of(self.outcome(), pairs, held_out, self.nearest())?;
-        Ok(judgement.with_area_defects(self.problem.notes.iter().filter_map(FitNote::area_defect)))
+        Ok(judgement.with_area_defects(self.problem.area_defects()))
     }
 }

@@ -39,8 +39,8 @@ const BY_HEART: f64 = 2.0;
 /// A plane whose error exceeds this share of what the rotation leaves of it is not learnt.
 const LEARNT: f64 = 0.5;
 
-/// A held-out error that is so small a share of the motion needs no care, however far above the loss
-/// it is.
+/// What is so small a share needs no care: a held-out error of the motion, however far above the loss it is, and what
+/// areas change by.
 const LITTLE: f64 = 0.01;
 
 /// What limits a training, from its losses on training and held-out pairs.
@@ -354,24 +354,27 @@ impl Judgement {
         })
     }
 
-    /// The same judgement for pairs that change areas by this share in a step, or whose areas are known to no more
-    /// than it: a reason not to trust long orbits, if it comes to one per cent or more in 1000 steps.
+    /// The same judgement of a symplectic network for pairs that change areas, or whose areas are not known well. What
+    /// comes to more than one per cent in 1000 steps is a reason not to trust long orbits; a density that errs by more
+    /// than one per cent, which does not grow with steps, is one for care.
     #[must_use]
     pub fn with_area_defects(mut self, defects: impl IntoIterator<Item = AreaDefect>) -> Self {
-        let matters = |share: f64| !(STEPS as f64 * share <= LITTLE);
-        let words = |defect| match defect {
-            AreaDefect::Pairs(share) if matters(share) => Some(format!(
-                "the pairs change areas by {share:.1e} a step, which the network keeps exactly: in {STEPS} steps this \
-                 may come to {}",
-                percent(STEPS as f64 * share)
-            )),
-            AreaDefect::Density(share) if matters(share) => Some(format!(
-                "the density of the section errs by {share:.1e}: the areas that the network keeps are known to no \
-                 more than that"
-            )),
-            AreaDefect::Pairs(_) | AreaDefect::Density(_) => None,
-        };
-        self.no_long_orbits.extend(defects.into_iter().filter_map(words));
+        for defect in defects {
+            match defect {
+                AreaDefect::Pairs(share) if !(STEPS as f64 * share <= LITTLE) => {
+                    self.no_long_orbits.push(format!(
+                        "the pairs change areas by {share:.1e} a step, which the network keeps exactly: in {STEPS} \
+                         steps this may come to {}",
+                        percent(STEPS as f64 * share)
+                    ));
+                }
+                AreaDefect::Density(share) if !(share <= LITTLE) => self.care.push(format!(
+                    "the density of the section errs by {share:.1e}: the areas that the network keeps are known to no \
+                     more than that"
+                )),
+                AreaDefect::Pairs(_) | AreaDefect::Density(_) => {}
+            }
+        }
         self.verdict = verdict(&self.no, &self.no_long_orbits, &self.care);
         self
     }

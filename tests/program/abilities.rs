@@ -112,7 +112,16 @@ fn texts_of_python_name_all_architectures() {
     for named in NamedArchitecture::ALL {
         let name = format!("\"{}\"", named.name);
         assert!(texts.iter().all(|text| text.contains(&name)), "{name}");
-        let has_all = |text: &&str| named.sizes.iter().all(|(key, _)| text.contains(key));
+        let is_word = |text: &str, key: &str| {
+            let part = |c: char| c.is_alphanumeric() || c == '_';
+            text.match_indices(key).any(|(at, _)| {
+                let behind = &text[at + key.len()..];
+                // An argument of a signature.
+                !text[..at].ends_with(part)
+                    && (behind.starts_with(": _Layers") || behind.starts_with("=None"))
+            })
+        };
+        let has_all = |text: &&str| named.sizes.iter().all(|(key, _)| is_word(text, key));
         assert!(texts[..2].iter().all(has_all), "{name}");
     }
 }

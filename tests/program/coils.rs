@@ -587,6 +587,30 @@ fn lines_of_a_tokamak_are_learnt() {
     refuses(path, &["run", "bad.toml"], &["coils.plasma_width", "-1"]);
 }
 
+/// A run that fails removes the folder that it made, and nothing of anyone else; a map of nearly whole turns, whose
+/// lines do not go round the section, is refused.
+#[test]
+fn folders_of_others_stay_where_a_run_fails() {
+    let folder = folder();
+    let path = folder.path();
+    let turns = training_alone(&scene(r#"{ kind = "torsatron" }"#))
+        .replace(
+            "lines = 24, reach = 0.05, error = 1e-6",
+            "lines = 8, periods = 17, reach = 0.05, error = 1e-4",
+        )
+        .replace("orbit = 48", "orbit = 8");
+    std::fs::write(path.join("turns.toml"), turns).expect("written");
+    std::fs::create_dir_all(path.join("mine/keep/deep")).expect("made");
+    for out in ["mine", "new"] {
+        let run = call(path, &["run", "turns.toml", "--out", out]);
+        let said = text(&run.stderr);
+        assert_eq!(run.status.code(), Some(2), "{said}");
+        assert!(said.contains("data.orbit") && said.contains("maps at least"), "{said}");
+    }
+    assert!(path.join("mine/keep/deep").is_dir() && !path.join("mine/as-run.toml").exists());
+    assert!(!path.join("new").exists());
+}
+
 /// Lines beyond the last surface are left out, and this is said with where the first of them begins.
 #[test]
 fn lost_lines_are_said() {

@@ -307,7 +307,10 @@ class SymplecticPolynomial:
         every: int = 1,
         outside: Literal["warn", "stop", "ignore"] = "warn",
     ) -> NDArray[np.float64]:
-        """The states of trajectories from points (..., 2n): (abs(steps) // every + 1, ..., 2n); steps < 0 go back."""
+        """The states of trajectories from points (..., 2n): (abs(steps) // every + 1, ..., 2n); steps < 0 go back.
+
+        NaN from where one leaves the box of a section.
+        """
     def inverse(self, points: ArrayLike) -> NDArray[np.float64]:
         """The preimages of points (..., 2n)."""
     def jacobian(self, points: ArrayLike) -> NDArray[np.float64]:
@@ -385,7 +388,7 @@ class FieldLines:
         """The error of a map, in metres."""
     @property
     def turns(self) -> float:
-        """Turns about the axis per map of a line close to it, from R towards Z."""
+        """Turns about the axis per map of a line close to it, whole turns counted, from R towards Z; NaN if it has none."""
     def starts(self, lines: int) -> NDArray[np.float64]:
         """The points where lines begin, (lines, 2): from the axis outwards to the reach."""
     def trace(self, points: ArrayLike, maps: int) -> NDArray[np.float64]:
@@ -450,7 +453,7 @@ def spectral_lines(
 def rotation_number(
     orbit: ArrayLike, centre: tuple[float, float], near: float = 0.0
 ) -> tuple[Any, Any]:
-    """The rotation number of an orbit (T, 2), or of orbits (T, M, 2), about a centre, in turns per step, and its error."""
+    """The rotation number of an orbit (T, 2), or of orbits (T, M, 2), about a centre, in turns a step, and its error."""
 
 def prove(
     model: Model,

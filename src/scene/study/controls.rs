@@ -122,7 +122,10 @@ impl Study for ControlsOptions {
         let declared = context.scene.setup.data.as_ref().and_then(|data| data.lines.as_ref());
         let missing = || Error::invalid("data", "no data.lines.controls", "controls of a machine");
         let (declared, of) = declared.zip(lines.controls.as_ref()).ok_or_else(missing)?;
-        let winding = Winding { maps_a_turn: lines.maps_a_turn(), near: lines.section.turns() };
+        let near = lines.section.turns();
+        // Of a hyperbolic axis; others may have turns.
+        let near = if near.is_nan() { 0.0 } else { near };
+        let winding = Winding { maps_a_turn: lines.maps_a_turn(), near };
         let machine = Machine { declared, lines: &lines, winding };
         let held_out = declared.controls.as_ref().map_or(0, |controls| controls.held_out.len());
         let rows = declared.controls.iter().flat_map(|controls| &controls.values);
