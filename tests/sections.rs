@@ -5,7 +5,7 @@ use faer::MatRef;
 use gyroceptron::Error;
 use gyroceptron::flow::{
     FormDefect, LineMap, LineRequest, LineSection, Pairs, PolynomialMap, PolynomialOnSection,
-    Symmetries, SymplecticPolynomial, TabulatedLines, Trajectories, Window, sample,
+    Symmetries, SymplecticPolynomial, TabulatedLines, Trajectories, Window, sample, turns_of_trace,
 };
 use gyroceptron::io::{
     Provenance, StoredPolynomial, load_polynomial, parse_coils, parse_polynomial, polynomial_text,
@@ -1659,6 +1659,24 @@ fn turns_of_long_maps_are_whole_turns_and_a_part() {
     let growth: f64 = angles.windows(2).map(|pair| libm::remainder(pair[1] - pair[0], TAU)).sum();
     let mean = growth / TAU / (periods as f64 - 1.0);
     assert!((mean - period.turns()).abs() < 1e-3, "{mean} and {}", period.turns());
+}
+
+/// Of a turn by any angle the trace leads back to its turns, given about how many they are, and to their derivative.
+#[test]
+fn turns_follow_from_a_trace_and_what_they_are_near() {
+    let trace = |turns: f64| 2.0 * (TAU * turns).cos();
+    for turns in [0.2, -0.2, 0.45, 0.607, 0.9, -0.607, 1.3, -2.7] {
+        for off in [-0.04, 0.0, 0.04] {
+            let (found, sign) = turns_of_trace(trace(turns), turns + off);
+            assert!((found - turns).abs() < 1e-12, "{turns} {off}: {found}");
+            // dTr/dt = −4π sin 2πt, of the part α by which t = k ± α.
+            let h = 1e-6;
+            let slope = 2.0 * h / (trace(turns + h) - trace(turns - h));
+            let by_part = -0.5 / (TAU * (1.0 - 0.25 * trace(turns).powi(2)).sqrt());
+            assert!((sign * by_part / slope - 1.0).abs() < 1e-6, "{turns}: {sign}");
+        }
+    }
+    assert!(turns_of_trace(2.1, 0.3).0.is_nan());
 }
 
 /// A line that is lost some maps later than the points where fields of more and fewer points are compared.

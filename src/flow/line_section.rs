@@ -313,7 +313,7 @@ impl LineSection {
 
 /// The turns k ± α of a map about a fixed point with this trace, 2cos 2πα = Tr M, that are nearest to `near`, and the
 /// sign of α. NaN where lines leave it.
-pub(crate) fn turns_of_trace(trace: f64, near: f64) -> (f64, f64) {
+pub fn turns_of_trace(trace: f64, near: f64) -> (f64, f64) {
     let part = libm::acos(0.5 * trace) / TAU;
     let [plus, minus] = [1.0, -1.0].map(|sign| ((near - sign * part).round() + sign * part, sign));
     if (minus.0 - near).abs() < (plus.0 - near).abs() { minus } else { plus }

@@ -42,8 +42,7 @@ pub use gauss::GaussLegendre;
 pub use integrator::Integrator;
 #[cfg(feature = "scenes")]
 pub(crate) use integrator::whole_periods;
-pub(crate) use line_section::turns_of_trace;
-pub use line_section::{LineRequest, LineSection};
+pub use line_section::{LineRequest, LineSection, turns_of_trace};
 pub use multi_revolution::{MultiRevolution, MultiRevolutionSettings};
 pub use orbits::orbits_of;
 pub use polynomial_family::PolynomialFamily;
