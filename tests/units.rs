@@ -484,6 +484,26 @@ fn a_trial_chooses_what_errs_least() {
     assert_eq!(chosen(&unsure, &[]), None);
 }
 
+/// How near an action is: the root mean square of the chords between measured angles and those of its weights, at the
+/// best angle, by trying all of them.
+#[test]
+fn the_distance_of_an_action_is_that_of_its_angles() {
+    let angles = [0.4, 0.9];
+    let fit = ActionFit::fit(&turning(&angles, 0.0, 5)).expect("a linear map");
+    for weights in [[1, 2], [1, 1], [1, 0], [2, 3]] {
+        let square = |theta: f64| -> f64 {
+            let chord = |k: usize| 2.0 * (0.5 * (f64::from(weights[k]) * theta - angles[k])).sin();
+            0.5 * (chord(0).powi(2) + chord(1).powi(2))
+        };
+        let least = (0..200_000)
+            .map(|k| square(f64::from(k) * 1e-5 * std::f64::consts::PI))
+            .fold(f64::INFINITY, |least, one| if one < least { one } else { least });
+        let action = CircleAction::new(weights);
+        let (_, found) = fit.candidates.iter().find(|(one, _)| *one == action).expect("one of all");
+        assert!((found / least.sqrt() - 1.0).abs() < 1e-4, "{weights:?}: {found} {}", least.sqrt());
+    }
+}
+
 /// Of the flow maps of two systems, at ten flow times, ε and seeds each.
 #[test]
 fn circle_actions_of_flow_maps_are_found() {
