@@ -464,8 +464,8 @@ fn bad_coils_are_refused() {
     assert!(toroidal.check_at([3.9, 0.0], 0.0, -sign).is_err());
 }
 
-/// A coil of many turns is its own image under a turn by a period, wound forth or back; both together are two coils, and
-/// so are rings a little apart.
+/// A coil of many turns is its own image under a turn by a period, wound forth or back. Both together are two coils,
+/// and so are rings a little apart.
 #[test]
 fn coils_of_many_turns_are_their_own_images() {
     let wound = |turns: f64, radius: f64| {

@@ -49,6 +49,7 @@ pub use polynomial_family::PolynomialFamily;
 pub use polynomial_map::{FormDefect, PolynomialMap, TwoFits};
 pub use polynomial_on_section::PolynomialOnSection;
 pub use reference::{Reference, ReferenceValue};
+pub(crate) use region::lose_rest;
 pub use region::{
     Exit, OutsidePolynomials, OutsideRegion, OutsideSection, PolynomialExit, Region, RegionExit,
     SectionExit,

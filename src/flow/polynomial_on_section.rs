@@ -1,7 +1,7 @@
 //! Symplectic polynomials in the chart of a section.
 
 use super::lane_map;
-use super::{Pairs, Region, Symmetries, SymplecticPolynomial};
+use super::{Pairs, Region, Symmetries, SymplecticPolynomial, lose_rest};
 use crate::error::Error;
 use crate::network::{Pace, Rollout};
 use crate::phase::Section;
@@ -172,14 +172,7 @@ impl PolynomialOnSection {
         }
         if let Some(section) = &self.section {
             section.to_data(&mut states);
-            // What has left the section once is lost, whatever the map makes of it.
-            let dim = 2 * self.map.dof();
-            for k in (initial.len()..states.len()).step_by(dim) {
-                let is_lost = |z: &[f64]| z.iter().any(|v| v.is_nan());
-                if is_lost(&states[k - initial.len()..][..dim]) || is_lost(&states[k..][..dim]) {
-                    states[k..][..dim].fill(f64::NAN);
-                }
-            }
+            lose_rest(&mut states, initial.len(), 2 * self.map.dof());
         }
         states[..initial.len()].copy_from_slice(initial);
         Ok(states)

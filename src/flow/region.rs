@@ -186,6 +186,19 @@ impl<T> Exit<T> {
     }
 }
 
+/// States (T, M, dim), `row` numbers for each time, become NaN from the first on that is not of finite numbers: what has
+/// left a section once is lost, whatever a map makes of it.
+pub(crate) fn lose_rest(states: &mut [f64], row: usize, dim: usize) {
+    for k in (0..states.len()).step_by(dim) {
+        let is_lost = |z: &[f64]| z.iter().any(|v| !v.is_finite());
+        let before =
+            k.checked_sub(row).is_some_and(|before| is_lost(&states[before..before + dim]));
+        if before || is_lost(&states[k..k + dim]) {
+            states[k..k + dim].fill(f64::NAN);
+        }
+    }
+}
+
 impl SectionExit {
     /// The states of `points` trajectories, (T, M, 2n), that are no numbers, since they have left the box of their
     /// section: one state in `every` is kept. None if all are numbers.

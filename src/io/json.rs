@@ -4,7 +4,7 @@ use super::legacy::Named;
 use super::{read_bytes, write_atomically};
 use crate::digest;
 use crate::error::Error;
-use crate::flow::{OutsidePolynomials, PolynomialExit, Region};
+use crate::flow::{OutsidePolynomials, PolynomialExit, Region, lose_rest};
 use crate::measure::orbits::{dynamic_aperture, maps_survived};
 use crate::network::{
     Architecture, Course, Invariant, Model, Pace, Rollout, map_jacobians, map_points,
@@ -501,18 +501,6 @@ pub(super) fn refuse_divergence(
             index / row * every
         ),
     })
-}
-
-/// States (T, M, dim), `row` numbers for each time, become NaN from the first on that is not of finite numbers.
-pub(super) fn lose_rest(states: &mut [f64], row: usize, dim: usize) {
-    for k in (0..states.len()).step_by(dim) {
-        let is_lost = |z: &[f64]| z.iter().any(|v| !v.is_finite());
-        let before =
-            k.checked_sub(row).is_some_and(|before| is_lost(&states[before..before + dim]));
-        if before || is_lost(&states[k..k + dim]) {
-            states[k..k + dim].fill(f64::NAN);
-        }
-    }
 }
 
 /// What a file says that it is, if it is JSON and says it.

@@ -388,7 +388,7 @@ class FieldLines:
         """The error of a map, in metres."""
     @property
     def turns(self) -> float:
-        """Turns about the axis per map of a line close to it, whole turns counted, from R towards Z; NaN if it has none."""
+        """Turns about the axis per map of a line close to it, with whole turns, from R towards Z; NaN if it has none."""
     def starts(self, lines: int) -> NDArray[np.float64]:
         """The points where lines begin, (lines, 2): from the axis outwards to the reach."""
     def trace(self, points: ArrayLike, maps: int) -> NDArray[np.float64]:
@@ -453,7 +453,7 @@ def spectral_lines(
 def rotation_number(
     orbit: ArrayLike, centre: tuple[float, float], near: float = 0.0
 ) -> tuple[Any, Any]:
-    """The rotation number of an orbit (T, 2), or of orbits (T, M, 2), about a centre, in turns a step, and its error."""
+    """The rotation number of an orbit (T, 2) or of orbits (T, M, 2) about a centre, in turns a step, and its error."""
 
 def prove(
     model: Model,
