@@ -88,6 +88,7 @@ pub mod random;
 pub mod scalar;
 #[cfg(feature = "scenes")]
 pub mod scene;
+mod stopping;
 pub mod system;
 pub mod train;
 mod words;

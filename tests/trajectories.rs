@@ -4,6 +4,7 @@ use gyroceptron::flow::{
     Integrator, Pairs, Reference, ReferenceTrajectories, Region, Trajectories,
 };
 use gyroceptron::layer::{CircleAction, TorusAction};
+use gyroceptron::measure::internals::unless_stopped;
 use gyroceptron::measure::{
     adiabatic::{
         averaged_invariant, disturbing_resonance, invariant_drift, invariant_horizon,
@@ -22,7 +23,10 @@ use gyroceptron::scalar::max_or_nan;
 use gyroceptron::system::{
     AveragedOscillator, Counted, Hamiltonian, NearlyPeriodic, Oscillators, ParticleField, System,
 };
+use std::cell::Cell;
 use std::f64::consts::TAU;
+use std::rc::Rc;
+use std::time::{Duration, Instant};
 
 /// Three states of two trajectories in a plane.
 fn example(changed: Option<(usize, f64)>) -> Trajectories {
@@ -505,5 +509,53 @@ fn the_averaged_invariant_has_a_closed_form() {
         let expected = 0.5 * radius * radius + 0.3 * (own - average);
         let found = averaged_invariant(&system, &z);
         assert!((found - expected).abs() < 1e-14, "{found} for {expected}");
+    }
+}
+
+/// A flow that may be stopped is made in parts, and has the bits of one that may not.
+#[test]
+fn flows_can_be_stopped() {
+    let system = Oscillators { epsilon: 0.01 };
+    let points: Vec<f64> =
+        (0..4 * 3001_u32).map(|k| (f64::from(k) * 0.754_877_666).fract() - 0.5).collect();
+    let few = &points[..12];
+    let splitting = Integrator::Strang;
+    let all = || {
+        let by_splitting =
+            splitting.trajectories(&System::Oscillators(system), few, 40.0, 4000, 31)?;
+        let pairs = Pairs::of_flow(&system, points.clone(), 5.0)?;
+        let along = ReferenceTrajectories::of_flow(&system, few, 10.0, 301)?;
+        Ok::<_, gyroceptron::Error>((by_splitting, pairs, along.trajectories))
+    };
+    let asked = Rc::new(Cell::new(0));
+    let counted = Rc::clone(&asked);
+    let go_on = move || {
+        counted.set(counted.get() + 1);
+        true
+    };
+    let with_pauses = unless_stopped(go_on, all).expect("never stopped").expect("flows");
+    assert!(asked.get() >= 3, "{}", asked.get());
+    assert_eq!(with_pauses, all().expect("flows"));
+    // Far longer than the test: each would take minutes.
+    let (begin, far) = (Instant::now(), 1e6);
+    let stops = move || begin.elapsed() < Duration::from_millis(60);
+    let many = points.repeat(100);
+    let of = |made: Result<(), gyroceptron::Error>| made.expect_err("it was stopped").to_string();
+    let endless: [&dyn Fn() -> String; 4] = [
+        &|| {
+            of(splitting
+                .trajectories(&System::Oscillators(system), &many, far, 1 << 16, 1)
+                .map(drop))
+        },
+        &|| of(ReferenceTrajectories::of_flow(&system, few, 10.0, 1 << 20).map(drop)),
+        &|| of(Pairs::of_flow(&system, many.clone(), 500.0).map(drop)),
+        &|| of(Pairs::of_flow(&system, few.to_vec(), 4e3).map(drop)),
+    ];
+    for (number, flow) in endless.iter().enumerate() {
+        let start = Instant::now();
+        let mut reason = String::new();
+        assert_eq!(unless_stopped(stops, || reason = flow()), None, "{number}");
+        assert_eq!(reason, "flow: stopped before its end", "{number}");
+        assert!(start.elapsed() < Duration::from_secs(5), "{number}: {:?}", start.elapsed());
     }
 }

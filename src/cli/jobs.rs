@@ -31,7 +31,7 @@ pub fn plan(scene: &Scene, arguments: &Run, path: &Path) -> Result<Status, Error
     let jobs = scene.plan()?;
     let seconds = match arguments.no_estimate {
         true => vec![None; jobs.len()],
-        false => scene.estimate(&jobs),
+        false => scene.estimate(&jobs, &Progress::new()),
     };
     for (job, seconds) in jobs.iter().zip(seconds) {
         let id = (job.kind != JobKind::Merge).then_some(&job.id[..]);

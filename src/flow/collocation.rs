@@ -3,9 +3,9 @@
 use super::GaussLegendre;
 use super::gauss::MAXIMUM;
 use super::numerical_method::NumericalMethod;
-use super::request::{Request, store_states};
+use super::request::{Request, at_pace, store_states};
 use crate::error::Error;
-use crate::network::load_groups;
+use crate::network::{Pace, load_groups};
 use crate::scalar::{Kernel, Pack, WIDTH, on_independent_lanes};
 use crate::system::{Hamiltonian, System, each_system};
 use rayon::prelude::*;
@@ -19,9 +19,34 @@ impl GaussLegendre {
         initial: &[f64],
         request: Request,
     ) -> Result<Vec<f64>, Error> {
-        request.run(system, initial, &|initial, states| {
-            self.move_block(system, &mut initial.to_vec(), request, states)
+        let dim = 2 * system.dof();
+        let evaluations = (initial.len() / dim).saturating_mul(request.steps);
+        at_pace(|pace| {
+            let mut left = request.kept;
+            let mut next = |pace: &Pace<'_>| {
+                let kept = pace.part(evaluations).min(left);
+                left -= kept;
+                (kept > 0).then_some(Request { kept, ..request })
+            };
+            let first = next(pace).unwrap_or(request);
+            let mut states = first.run(system, initial, &self.by_blocks(system, first))?;
+            let mut last = first.kept;
+            while let Some(part) = next(pace) {
+                pace.pause("flow", evaluations.saturating_mul(last))?;
+                let from = states[states.len() - initial.len()..].to_vec();
+                states.extend(part.run_blocks(dim, &from, &self.by_blocks(system, part))?);
+                last = part.kept;
+            }
+            Ok(states)
         })
+    }
+
+    fn by_blocks(
+        &self,
+        system: &(impl Hamiltonian + Sync),
+        request: Request,
+    ) -> impl Fn(&[f64], &mut [f64]) -> Result<(), Error> + Sync {
+        move |initial, states| self.move_block(system, &mut initial.to_vec(), request, states)
     }
 
     /// `points`, 2n numbers each, ← where the flow takes them over the intervals of a request, on all threads: the
@@ -32,10 +57,22 @@ impl GaussLegendre {
         points: &mut [f64],
         request: Request,
     ) -> Result<(), Error> {
-        let block = WIDTH * 2 * system.dof();
-        points
-            .par_chunks_mut(block)
-            .try_for_each(|points| self.move_block(system, points, request, &mut []))
+        let dim = 2 * system.dof();
+        let evaluations = request.steps.saturating_mul(request.kept);
+        at_pace(|pace| {
+            let mut rest = points;
+            while !rest.is_empty() {
+                let together = WIDTH * rayon::current_num_threads();
+                let count = pace.part(evaluations).min(rest.len() / dim);
+                let size = (count.next_multiple_of(together) * dim).min(rest.len());
+                let (here, after) = std::mem::take(&mut rest).split_at_mut(size);
+                here.par_chunks_mut(WIDTH * dim)
+                    .try_for_each(|points| self.move_block(system, points, request, &mut []))?;
+                pace.pause("flow", (size / dim).saturating_mul(evaluations))?;
+                rest = after;
+            }
+            Ok(())
+        })
     }
 
     /// As [`GaussLegendre::move_all`], on this thread; `states` ← the points at the end of each interval, all of a

@@ -4,6 +4,7 @@ use super::GaussLegendre;
 use super::request::Request;
 use crate::error::Error;
 use crate::scalar::max_or_nan;
+use crate::stopping::is_stopped;
 use crate::system::Hamiltonian;
 
 /// The reference flow: Gauss–Legendre collocation, with the error estimated by halving the
@@ -62,6 +63,9 @@ impl Reference {
             let mut scale = 1.0_f64;
             let mut failed = None;
             for point in judged() {
+                if is_stopped() {
+                    return Err(Error::Stopped { what: "flow".into() });
+                }
                 match reference.flow_with_error(system, point, time) {
                     Ok(value) => {
                         error = max_or_nan(error, value.error);

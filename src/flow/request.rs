@@ -1,8 +1,9 @@
 //! Trajectories of many points: the blocks that threads share, and the lanes of a block.
 
 use crate::error::Error;
-use crate::network::load_groups;
+use crate::network::{Pace, load_groups};
 use crate::scalar::{Kernel, Pack, WIDTH, on_independent_lanes};
+use crate::stopping::{is_asked, is_stopped};
 use crate::system::Hamiltonian;
 use rayon::prelude::*;
 
@@ -37,6 +38,13 @@ pub(super) trait Method<H>: Sync {
 /// All states of some trajectories from their initial points.
 pub(super) type Each<'a> = &'a (dyn Fn(&[f64], &mut [f64]) -> Result<(), Error> + Sync);
 pub(super) type States = Result<Vec<f64>, Error>;
+
+/// Does some work at the pace of the thread that asks for it: without a pause where nobody may stop it.
+pub(super) fn at_pace<T>(work: impl FnOnce(&mut Pace<'_>) -> Result<T, Error>) -> Result<T, Error> {
+    let mut go_on = || !is_stopped();
+    let mut pace = if is_asked() { Pace::asking(&mut go_on) } else { Pace::unbroken() };
+    work(&mut pace)
+}
 
 /// Equal intervals of time, each of equal steps, as many as there are states to keep.
 #[derive(Clone, Copy)]
@@ -96,8 +104,22 @@ impl Request {
             Vec::try_reserve_exact(space, size).map_err(|_| too_many())?;
         }
         by_block.resize(size, 0.0);
-        let tasks = initial.par_chunks(block).zip(by_block.par_chunks_mut(block * kept));
-        tasks.try_for_each(|(initial, states)| each(initial, states))?;
+        at_pace(|pace| {
+            let (mut initial, mut states) = (initial, &mut by_block[..]);
+            while !initial.is_empty() {
+                let points = pace.part(self.steps.saturating_mul(kept)).min(initial.len() / dim);
+                // As many blocks as there are threads, or more, and the same as without a pause.
+                let together = block * rayon::current_num_threads();
+                let size = (points * dim).next_multiple_of(together).min(initial.len());
+                let (here, rest) = initial.split_at(size);
+                let (of_here, of_rest) = std::mem::take(&mut states).split_at_mut(size * kept);
+                let tasks = here.par_chunks(block).zip(of_here.par_chunks_mut(block * kept));
+                tasks.try_for_each(|(initial, states)| each(initial, states))?;
+                pace.pause("flow", size / dim * self.steps * kept)?;
+                (initial, states) = (rest, of_rest);
+            }
+            Ok(())
+        })?;
         for t in 0..kept {
             for states in by_block.chunks_exact(kept * dim) {
                 out.extend_from_slice(&states[t * dim..(t + 1) * dim]);

@@ -4,7 +4,6 @@
 
 use super::laws::{self, NO_INVERSE, Samples};
 use super::samples::CertificateOptions;
-use super::stopping::unless_stopped;
 use super::tally::{COUNT_LIMIT, RATIO_LIMIT, Row, Tally, Verdict, merged};
 use super::{
     coordinate::Coordinate,
@@ -15,6 +14,7 @@ use crate::layer::Reversor;
 use crate::network::{Block, Layers, Model, Part, Structure};
 use crate::phase::{Direction, Map};
 use crate::scalar::max_or_nan;
+use crate::stopping::unless_stopped;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 

@@ -3,11 +3,11 @@
 
 use super::periodic::PeriodicOrbit;
 use super::rotation::birkhoff_average;
-use super::stopping::until_stopped;
 use crate::error::Error;
 use crate::network::Model;
 use crate::phase::Map;
 use crate::scalar::Dual;
+use crate::stopping::until_stopped;
 use faer::Mat;
 use faer::linalg::solvers::Solve;
 use rayon::prelude::*;

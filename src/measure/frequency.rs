@@ -1,8 +1,8 @@
 //! Frequencies of quasi-periodic signals, and the tunes of orbits, by windowed frequency analysis.
 
-use super::stopping::is_stopped;
 use crate::flow::Trajectories;
 use crate::scalar::{Elementary, max_or_nan};
+use crate::stopping::is_stopped;
 use faer::Mat;
 use faer::linalg::solvers::Solve;
 use rayon::prelude::*;

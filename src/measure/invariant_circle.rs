@@ -1,9 +1,9 @@
 //! Invariant circles of maps of a plane, by Fourier series.
 
-use super::stopping::{is_stopped, until_stopped};
 use crate::error::Error;
 use crate::phase::AreaDensity;
 use crate::scalar::{Elementary, max_or_nan};
+use crate::stopping::{is_stopped, until_stopped};
 use faer::Mat;
 use faer::linalg::solvers::SolveLstsq;
 use std::f64::consts::TAU;

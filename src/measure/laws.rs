@@ -13,7 +13,6 @@ use super::near_identity::{
 };
 use super::on_grid::{GridMap, inversion_on_grids, moves_on_grid};
 use super::relations::Relation;
-use super::stopping::until_stopped;
 use super::symplecticity::symplecticity_resolution;
 use super::tally::{RESOLUTION, Tally};
 use super::{
@@ -30,6 +29,7 @@ use crate::network::Model;
 use crate::phase::{Direction, Map};
 use crate::random::Stream;
 use crate::scalar::{Scalar, max_or_nan};
+use crate::stopping::until_stopped;
 use std::f64::consts::TAU;
 
 /// Why a law is not tested.

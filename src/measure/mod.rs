@@ -47,7 +47,6 @@ mod rounding;
 mod sampled;
 mod samples;
 mod series_invariant;
-mod stopping;
 mod surfaces;
 mod survival;
 mod symmetric_orbits;
@@ -159,5 +158,5 @@ pub mod steps {
 #[doc(hidden)]
 pub mod internals {
     pub use super::plane_actions::{monomials, power, powers};
-    pub use super::stopping::{unless_stopped, until_stopped};
+    pub use crate::stopping::{unless_stopped, until_stopped};
 }

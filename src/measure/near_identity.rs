@@ -1,10 +1,10 @@
 //! I₀ = Id, and the size and derivative of I_ε − Id.
 
-use super::stopping::until_stopped;
 use crate::layer::{Neuron, RidgeFunction, Ridges};
 use crate::network::{Layers, Model};
 use crate::phase::Map;
 use crate::scalar::{Dual, Over, Scalar, max_or_nan};
+use crate::stopping::until_stopped;
 
 /// The number of components of z whose bits the map changes.
 pub fn differing_components(map: &(impl Map<f64> + ?Sized), z: &[f64]) -> usize {

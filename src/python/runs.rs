@@ -8,12 +8,13 @@ use crate::scene::{
 use pyo3::prelude::*;
 use serde::Serialize;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 /// Listens to a run in another thread than the one which hears signals.
 struct RunObserver<'a> {
-    stopped: &'a AtomicBool,
+    stopped: Arc<AtomicBool>,
     callback: Option<&'a Py<PyAny>>,
     /// The exception that the callback raised, if it raised one.
     raised: Option<PyErr>,
@@ -53,6 +54,10 @@ impl Observer for RunObserver<'_> {
     fn interrupted(&self) -> bool {
         self.stopped.load(Ordering::Relaxed)
     }
+
+    fn interruption(&self) -> Option<Arc<AtomicBool>> {
+        Some(Arc::clone(&self.stopped))
+    }
 }
 
 /// Runs something in a thread of its own, on so many threads, while this one listens to Ctrl-C.
@@ -70,11 +75,11 @@ fn listening<T: Send>(
             Some(pool.map_err(|reason| Error::invalid("threads", count, reason))?)
         }
     };
-    let stopped = AtomicBool::new(false);
+    let stopped = Arc::new(AtomicBool::new(false));
     let mut signal = None;
     let (result, raised) = py.detach(|| {
-        let mut watch =
-            RunObserver { stopped: &stopped, callback: callback.as_ref(), raised: None };
+        let (heard_by, callback) = (Arc::clone(&stopped), callback.as_ref());
+        let mut watch = RunObserver { stopped: heard_by, callback, raised: None };
         std::thread::scope(|scope| {
             let thread = scope.spawn(move || {
                 let result = match pool {
@@ -145,7 +150,7 @@ pub(super) fn _plan(py: Python<'_>, text: &str, estimate: bool) -> PyResult<Stri
     let scene = parse("scene", text)?;
     let jobs = scene.plan()?;
     let seconds = match estimate {
-        true => listening(py, None, None, |_| Ok(scene.estimate(&jobs)))?,
+        true => listening(py, None, None, |watch| Ok(scene.estimate(&jobs, watch)))?,
         false => vec![None; jobs.len()],
     };
     let lines: Vec<Line<'_>> =

@@ -17,10 +17,12 @@ use crate::layer::Reversor;
 use crate::measure::trajectories::limiting_flow_error;
 use crate::network::{NetworkSpec, Rollout};
 use crate::random::Stream;
+use crate::stopping::unless_stopped;
 use crate::system::{Counted, Hamiltonian, NearlyPeriodic, System};
 use crate::train::Control;
 use serde_json::json;
 use std::rc::Rc;
+use std::sync::atomic::Ordering;
 
 /// Why a run ends before its report.
 pub(super) enum RunError {
@@ -127,6 +129,13 @@ impl<'a> Context<'a> {
         self.observer.interrupted()
     }
 
+    /// Makes something by flows, which end early where the run is interrupted.
+    fn by_flows<T>(&self, make: impl FnOnce() -> Result<T, Error>) -> Result<T, RunError> {
+        let Some(flag) = self.observer.interruption() else { return Ok(make()?) };
+        let made = unless_stopped(move || !flag.load(Ordering::Relaxed), make);
+        Ok(made.ok_or(RunError::Interrupted)??)
+    }
+
     /// Whether the scene wants this figure.
     pub(super) fn draws(&self, figure: &str) -> bool {
         self.scene.plots.iter().any(|plot| plot == figure)
@@ -194,10 +203,10 @@ impl<'a> Context<'a> {
         let made = self.stage(OWN_PAIRS, |context| {
             let points = context.points(declared)?;
             let (counted, mut others) = (Counted::new(system), 0);
-            let made = match declared.is_family() {
+            let made = context.by_flows(|| match declared.is_family() {
                 true => DataSets::of_family(declared, &counted, &points, time, &mut others),
                 false => DataSets::of_flow(declared, &counted, &points, time),
-            };
+            });
             context.log.vector_fields(counted.vector_fields() + others);
             made
         })?;
@@ -259,14 +268,14 @@ impl<'a> Context<'a> {
         Ok(made)
     }
 
-    fn pairs_at(&mut self, epsilon: f64, time: f64) -> Result<DataSets, Error> {
+    fn pairs_at(&mut self, epsilon: f64, time: f64) -> Result<DataSets, RunError> {
         let declared = self.scene.setup.data.as_ref().ok_or_else(|| self.missing(Need::Data))?;
         let system = self.system()?.clone().with_epsilon(epsilon);
         let name = pairs_elsewhere(epsilon, time);
         self.stage(&name, |context| {
             let points = context.points(declared)?;
             let counted = Counted::new(&system);
-            let made = DataSets::of_flow(declared, &counted, &points, time);
+            let made = context.by_flows(|| DataSets::of_flow(declared, &counted, &points, time));
             context.log.vector_fields(counted.vector_fields());
             made
         })
@@ -274,7 +283,7 @@ impl<'a> Context<'a> {
 
     /// Training and held-out points: of the windows, and of the orbits from there under the map of the
     /// scene.
-    fn points(&mut self, declared: &Data) -> Result<Rc<[Vec<f64>; 2]>, Error> {
+    fn points(&mut self, declared: &Data) -> Result<Rc<[Vec<f64>; 2]>, RunError> {
         if let Some(points) = &self.points {
             return Ok(Rc::clone(points));
         }
@@ -299,8 +308,9 @@ impl<'a> Context<'a> {
             Ok::<_, Error>(rows.concat())
         };
         let held_out = declared.held_out_windows();
-        let both =
-            [points(&declared.windows, "data/training")?, points(&held_out, "data/held-out")?];
+        let both = self.by_flows(|| {
+            Ok([points(&declared.windows, "data/training")?, points(&held_out, "data/held-out")?])
+        })?;
         self.log.vector_fields(counted.vector_fields());
         Ok(Rc::clone(self.points.insert(Rc::new(both))))
     }
@@ -316,7 +326,9 @@ impl<'a> Context<'a> {
             let [training, held_out] = &*points;
             let points = if held_out.is_empty() { training } else { held_out };
             let counted = Counted::new(&system);
-            let (pairs, _) = FlowBy::pairs(declared.flow, &counted, points.clone(), time)?;
+            let by = declared.flow;
+            let (pairs, _) =
+                context.by_flows(|| FlowBy::pairs(by, &counted, points.clone(), time))?;
             context.log.vector_fields(counted.vector_fields());
             let rotation = limiting_flow_error(&system, &pairs, time);
             Ok((pairs, rotation))
@@ -362,7 +374,8 @@ impl<'a> Context<'a> {
             let counted = Counted::new(&request.system);
             let initial = request.initial.concat();
             let flow = context.scene.setup.data.as_ref().and_then(|data| data.flow);
-            let made = FlowBy::trajectories(flow, &counted, &initial, interval, states);
+            let made = context
+                .by_flows(|| FlowBy::trajectories(flow, &counted, &initial, interval, states));
             context.log.vector_fields(counted.vector_fields());
             made
         })?;

@@ -1,6 +1,8 @@
 //! What a run reports while it goes on, and who listens.
 
 use crate::train::{Stop, TrainingRecord};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 /// What a run reports while it goes on.
 #[derive(Debug)]
@@ -52,5 +54,11 @@ pub trait Observer {
     /// True when the run should stop at the next iteration, with a checkpoint.
     fn interrupted(&self) -> bool {
         false
+    }
+
+    /// The flag that [`Observer::interrupted`] reads, where another thread may set it: what takes long between two events
+    /// reads it too. None leaves such work to its end.
+    fn interruption(&self) -> Option<Arc<AtomicBool>> {
+        None
     }
 }

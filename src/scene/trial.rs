@@ -8,6 +8,8 @@ use super::plan::{Job, Task};
 use super::registry::Scene;
 use super::setup::{Data, ModelSpec, SeededTraining};
 use crate::train::{TrainingOptions, TrainingStage};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 /// Pairs of a trial, and lines of each machine.
@@ -18,9 +20,9 @@ const LONG_ENOUGH: Duration = Duration::from_millis(300);
 
 impl Scene {
     /// Estimates the seconds that each of its jobs takes on this machine if it does all its iterations. For that, a
-    /// part of the pairs is made and each network is trained on it for a moment. None for the report, and where the
-    /// estimate fails.
-    pub fn estimate(&self, jobs: &[Job]) -> Vec<Option<f64>> {
+    /// part of the pairs is made and each network is trained on it for a moment. None for the report, where the
+    /// estimate fails, and for all that was left when the observer interrupted; it hears of no events.
+    pub fn estimate(&self, jobs: &[Job], observer: &dyn Observer) -> Vec<Option<f64>> {
         let mut out = vec![None; jobs.len()];
         let parts: Vec<(Option<&str>, &Self)> = match &self.parts[..] {
             [] => vec![(None, self)],
@@ -31,7 +33,7 @@ impl Scene {
             if !jobs.iter().any(own) {
                 continue;
             }
-            let Some(trial) = Trial::of(part) else { continue };
+            let Some(trial) = Trial::of(part, observer) else { continue };
             for (job, seconds) in jobs.iter().zip(&mut out).filter(|(job, _)| own(job)) {
                 *seconds = trial.seconds(part, job).filter(|seconds| seconds.is_finite());
             }
@@ -96,12 +98,12 @@ struct Trial {
 
 impl Trial {
     /// None where no temporary folder can be made.
-    fn of(scene: &Scene) -> Option<Self> {
+    fn of(scene: &Scene, observer: &dyn Observer) -> Option<Self> {
         let (short, share) = scene.for_a_trial();
         let declared = short.declared();
         let path = tempfile::tempdir().ok()?;
         let folder = Folder::open(path.path(), false, false).ok()?;
-        let mut watch = TrialObserver::default();
+        let mut watch = TrialObserver::of(observer);
         let start = Instant::now();
         let mut context = Context::new(&declared, &folder, &[], &mut watch);
         let made = context.data().is_ok();
@@ -163,8 +165,9 @@ fn more_pairs_an_iteration(
 }
 
 /// Takes the times of the iterations of each network, and ends each training after a moment.
-#[derive(Default)]
-struct TrialObserver {
+struct TrialObserver<'a> {
+    /// Who may interrupt it before.
+    observer: &'a dyn Observer,
     /// When the stage under way began.
     start: Option<Instant>,
     /// The network, how many it has done, and the time since then.
@@ -172,7 +175,11 @@ struct TrialObserver {
     long_enough: bool,
 }
 
-impl TrialObserver {
+impl<'a> TrialObserver<'a> {
+    fn of(observer: &'a dyn Observer) -> Self {
+        Self { observer, start: None, iterations: Vec::new(), long_enough: false }
+    }
+
     fn seconds_an_iteration(&self, network: &str) -> Option<f64> {
         let mut of_network = self.iterations.iter().filter(|(model, _, _)| model == network);
         let (_, first, begun) = of_network.next()?;
@@ -185,7 +192,7 @@ impl TrialObserver {
     }
 }
 
-impl Observer for TrialObserver {
+impl Observer for TrialObserver<'_> {
     fn event(&mut self, event: Event<'_>) {
         match event {
             Event::Stage(_) => (self.start, self.long_enough) = (Some(Instant::now()), false),
@@ -205,6 +212,10 @@ impl Observer for TrialObserver {
     }
 
     fn interrupted(&self) -> bool {
-        self.long_enough
+        self.long_enough || self.observer.interrupted()
+    }
+
+    fn interruption(&self) -> Option<Arc<AtomicBool>> {
+        self.observer.interruption()
     }
 }

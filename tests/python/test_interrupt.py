@@ -150,6 +150,42 @@ def test_train(pairs):
     assert interrupted_after(0.5, lambda: gyroceptron.train(*pairs, [1, 0], recipe="paper", iterations=10**6)) < 1.0
 
 
+def test_pairs_are_made_ready(pairs):
+    many = [np.resize(points, (200_000, 4)) for points in pairs]
+    # The signal comes while they are looked at, before the first iteration.
+    train = lambda: gyroceptron.train(*many, [1, 0], starts=1)  # noqa: E731
+    assert interrupted_after(0.3, train) < 1.0
+
+
+SCENE = """
+name = "long"
+seed = 3
+flow_time = 50.0
+[system]
+kind = "oscillators"
+epsilon = 0.01
+[data]
+validation = 0.0
+windows = [{ low = [-1.6, -1.6, -1.6, -1.6], high = [1.6, 1.6, 1.6, 1.6], samples = 200000 }]
+[training]
+iterations = 1
+[[models]]
+name = "gyroceptron"
+network = { kind = "gyroceptron", psi = { count = 3, width = 4 }, near_identity = { count = 3, width = 4 } }
+"""
+
+
+def test_flows_of_a_scene(tmp_path):
+    """Before there is an iteration, with a checkpoint."""
+    path = tmp_path / "long.toml"
+    path.write_text(SCENE)
+    assert interrupted_after(1.0, lambda: gyroceptron.run(path, tmp_path / "out")) < 1.0
+
+
+def test_an_estimate():
+    assert interrupted_after(0.5, lambda: gyroceptron.plan("long-steps")) < 1.0
+
+
 def test_the_search_for_a_circle_action(pairs):
     """Short trainings, before the one that was asked for."""
     assert interrupted_after(0.3, lambda: gyroceptron.train(*pairs, starts=1, iterations=1)) < 1.0

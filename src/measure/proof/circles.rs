@@ -11,7 +11,7 @@ use super::theorem::{Candidate, Constants};
 use super::winding::goes_around;
 use crate::error::Error;
 use crate::measure::periodic::periodic_orbit;
-use crate::measure::stopping::until_stopped;
+use crate::stopping::until_stopped;
 
 /// From which κ|E| on no other strip is tried.
 const HOPELESS: f64 = 1e5;

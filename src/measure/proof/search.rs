@@ -9,7 +9,7 @@ use super::rounded::Complex;
 use super::theorem::{Candidate, MOST_POINTS, error_of};
 use crate::error::Error;
 use crate::measure::rotation::{birkhoff_average, birkhoff_weights};
-use crate::measure::stopping::is_stopped;
+use crate::stopping::is_stopped;
 use std::f64::consts::TAU;
 
 /// A ray on which circles of a map are searched: those that cross it.

@@ -6,7 +6,7 @@ use super::failure::Failure;
 use super::number::Number;
 use super::rounded::{Complex, up};
 use super::taylor::Taylor;
-use crate::measure::stopping::is_stopped;
+use crate::stopping::is_stopped;
 use std::cell::OnceCell;
 
 /// The largest lengths of a strip's parts, and the least, over 1.

@@ -1,4 +1,4 @@
-//! Ending a measurement before it is done.
+//! Ending a measurement or a flow before it is done.
 
 use std::cell::RefCell;
 use std::time::{Duration, Instant};
@@ -36,6 +36,11 @@ pub fn is_stopped() -> bool {
     let stopped = asking.stopped;
     ASKING.set(Some(asking));
     stopped
+}
+
+/// Whether somebody may stop this thread.
+pub fn is_asked() -> bool {
+    ASKING.with_borrow(Option::is_some)
 }
 
 /// Iterates over the samples until they end or the measurement is to stop.
