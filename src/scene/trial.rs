@@ -28,7 +28,7 @@ impl Scene {
             [] => vec![(None, self)],
             parts => parts.iter().map(|part| (Some(&part.name[..]), part)).collect(),
         };
-        for (name, part) in parts {
+        for (name, part) in parts.into_iter().take_while(|_| !observer.interrupted()) {
             let own = |job: &Job| job.part.as_deref() == name && !matches!(job.task, Task::Merge);
             if !jobs.iter().any(own) {
                 continue;
@@ -117,6 +117,7 @@ impl Trial {
             (attempt.network, more)
         };
         let own = short.setup.attempts().filter(|attempt| !attempt.spec.network.is_of_file());
+        let own = own.take_while(|_| !observer.interrupted());
         let networks: Vec<_> = if made { own.map(&mut of).collect() } else { Vec::new() };
         let seconds = |(network, more): (String, Option<f64>)| {
             let each = watch.seconds_an_iteration(&network)?;
