@@ -74,7 +74,7 @@ fn fitted(
     iterations: usize,
 ) -> Composition<f64> {
     let sets: Vec<(f64, Pairs)> =
-        EPSILONS.map(|epsilon| (epsilon, pairs(of, epsilon, 400, 1))).into();
+        EPSILONS.map(|epsilon| (epsilon, pairs(of, epsilon, 200, 1))).into();
     let objectives: Vec<(f64, Objective<'_>)> = sets
         .iter()
         .map(|(e, set)| (*e, Objective::new(&Loss::MeanSquaredError, set).expect("valid")))
@@ -176,13 +176,13 @@ fn mixed_generators_are_out_of_reach_of_henon_layers_and_not_of_turned_kicks() {
         (shares, fitted, below)
     };
     for layers in [4, 8] {
-        let map = fitted(&Mixed, &henon_layers(layers), 60);
+        let map = fitted(&Mixed, &henon_layers(layers), 40);
         let (shares, _, below) = told(&format!("{layers} Hénon layers"), &map);
         // As large as the motion and of first order, where ε is small for the weights.
         assert!((below - 1.0).abs() < 0.05, "{below}");
         assert!(shares[9] > 0.9, "{shares:?}");
     }
-    let map = fitted(&Mixed, &turned_kicks(12), 60);
+    let map = fitted(&Mixed, &turned_kicks(12), 40);
     let (shares, ..) = told("12 turned kicks", &map);
     assert!(shares.iter().all(|share| *share < 0.01), "{shares:?}");
 }
@@ -200,7 +200,7 @@ fn slow_map(layers: Layers) -> Composition<f64> {
 
 /// The shares of [`shares`] of these layers, fitted, and the order of the error below the ε of the fit.
 fn slow_shares(name: &str, of: &(impl Hamiltonian + Sync), layers: Layers) -> (Vec<f64>, f64) {
-    let map = fitted(of, &slow_map(layers), 60);
+    let map = fitted(of, &slow_map(layers), 40);
     let shares = shares(of, &map);
     let below = order(&shares, 7..10);
     println!(

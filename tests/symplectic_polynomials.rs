@@ -329,7 +329,7 @@ fn fits_that_cannot_be_are_refused() {
 /// Steps with one and with several iterations of Newton's method are certified, and none of the laws is vacuous.
 #[test]
 fn polynomials_are_certified_and_their_mutants_rejected() {
-    let options = CertificateOptions { samples: 20, ..CertificateOptions::default() };
+    let options = CertificateOptions { samples: 8, ..CertificateOptions::default() };
     let both = Symmetries { reversor: Some(Reversor::Momenta), mirrored: vec![2] };
     let none = Symmetries::default();
     let mut iterations = Vec::new();
@@ -342,7 +342,7 @@ fn polynomials_are_certified_and_their_mutants_rejected() {
         (3, 3, &none),
         (4, 2, &none),
     ] {
-        let pairs = pairs_of(dof, 1500, kicked);
+        let pairs = pairs_of(dof, 800, kicked);
         let map = SymplecticPolynomial::fit_symmetric(&pairs, degree, symmetries).expect("a map");
         iterations.push(map.iterations());
         for map in [&map, &map.inverted()] {

@@ -315,6 +315,10 @@ fn lines_beyond_the_planes_are_followed_in_the_field() {
         ("symplectic_polynomials = [8]\nreversible_polynomials = [9]\n", ""),
         ("\"edge\", \"manifolds\"", "\"edge\""),
         ("iterations = 40", "iterations = 5"),
+        ("counts = [200, 2000]", "counts = [20, 40]"),
+        ("reference = 200", "reference = 128"),
+        ("orbits = 20", "orbits = 2"),
+        ("profile = 8", "profile = 2"),
     ];
     let report = report_of(path, &scene(r#"{ kind = "torsatron" }"#), &changes);
     let [reference, own] = [0, 1].map(|k| &report["studies"]["poincare"]["edge"][k]);
@@ -492,14 +496,17 @@ fn a_section_that_is_mirrored_has_a_reversible_map() {
 #[test]
 fn lines_without_a_curve_are_not_near_it() {
     let folder = folder();
-    let few = scene(r#"{ kind = "torsatron" }"#).replace(
-        "reference_planes = { degree = 10 }",
-        "reference_planes = { fewer = 16, degree = 2 }",
-    );
-    std::fs::write(folder.path().join("lines.toml"), few).expect("written");
-    succeeds(folder.path(), &["run", "lines.toml", "--out", "a"]);
-    let report = std::fs::read_to_string(folder.path().join("a/report.json")).expect("a report");
-    let report: serde_json::Value = serde_json::from_str(&report).expect("JSON");
+    let changes = [
+        ("reference_planes = { degree = 10 }", "reference_planes = { fewer = 16, degree = 2 }"),
+        ("iterations = 40", "iterations = 5"),
+        ("counts = [200, 2000]", "counts = [20, 40]"),
+        ("orbits = 20", "orbits = 2"),
+        ("profile = 8", "profile = 2"),
+        ("survival = 400", "survival = 100"),
+        ("exponents = 200\nmanifold = 0.02", "exponents = 100\nmanifold = 0.0"),
+        ("\"edge\", \"manifolds\"", "\"edge\""),
+    ];
+    let report = report_of(folder.path(), &scene(r#"{ kind = "torsatron" }"#), &changes);
     let found = &report["studies"]["poincare"];
     assert!(found["curves"].as_array().expect("curves").iter().all(|c| c.is_null()), "{found}");
     for of in found["methods"].as_array().expect("methods") {

@@ -192,7 +192,7 @@ fn ctrl_c_leaves_a_checkpoint() {
         write_data(path);
         let train =
             ["train", "--data", "pairs.npz", "--circle-action", action, "--output", "m.json"];
-        let sizes = ["--starts", "1", "--kicks", "4x6", "--twists", "4x6", "--plateau", "0"];
+        let sizes = ["--starts", "1", "--kicks", "2x2", "--twists", "2x2", "--plateau", "0"];
         let train = [&train[..], &sizes].concat();
         let endless = [&train[..], &["--iterations", "1000000000"]].concat();
         let mut child = command(path, &endless)

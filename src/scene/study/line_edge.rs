@@ -59,8 +59,10 @@ impl EdgeOptions {
             return Err(Error::invalid("edge", found, "from < to < wall"));
         }
         Error::check_count_range("edge.lines", self.lines, 2, MOST_LINES)?;
-        Error::check_count_range("edge.survival", self.survival, 1, MOST_MAPS)?;
-        Error::check_count_range("edge.exponents", self.exponents, 100, self.survival)
+        // An exponent needs so many, and is of maps that are followed.
+        const FEWEST: usize = 100;
+        Error::check_count_range("edge.survival", self.survival, FEWEST, MOST_MAPS)?;
+        Error::check_count_range("edge.exponents", self.exponents, FEWEST, self.survival)
     }
 
     pub(super) fn shorten(&mut self) {
