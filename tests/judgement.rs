@@ -243,6 +243,7 @@ fn a_verdict_takes_held_out_pairs() {
     let (none, trust) = verdict("0");
     assert!(none.starts_with("**no**: nothing was held out"), "{none}");
     assert_eq!(trust["held_out"], Value::Null);
+    assert!(trust["limit"] == "iterations" || trust["limit"] == "unknown", "{trust}");
     let (one, _) = verdict("0.001");
     assert!(one.starts_with("**no**: only 1 pair was held out"), "{one}");
     let (few, _) = verdict("0.029");

@@ -4,7 +4,7 @@
 use crate::compositions::{Broken, measure_any, named, points};
 use crate::mutants::Fault;
 use crate::watched::watched;
-use crate::{suite, tolerances};
+use crate::{precision, suite, tolerances};
 use gyroceptron::layer::{CircleAction, TorusAction};
 use gyroceptron::measure::{
     Measurable, NormalFormed, OneStep,
@@ -133,6 +133,29 @@ pub fn cases() -> impl Strategy<Value = Case> {
             seed,
         },
     )
+}
+
+/// The defects of normal forms are rounding and nothing else, whatever their T_ε is made of: the same weights at
+/// single, double and double-double precision.
+#[test]
+fn the_ladder_is_that_of_rounding() {
+    let mut worst = 0.0;
+    for slow_map in [SlowMap::Twists, SlowMap::TurnedTwists, SlowMap::Both] {
+        for seed in 0..4 * suite::times() as u64 {
+            let seed = suite::seed() + seed;
+            let (circles, epsilon) = (vec![vec![1]], 0.5);
+            let (scale, radius) = (0.4, 1.6);
+            let case = Case { slow: 1, circles, epsilon, scale, psi: true, slow_map, radius, seed };
+            assert_eq!(case.dof(), precision::DOF);
+            let network = case.network();
+            let weights = precision::single(network.composition().parameters().iter().copied());
+            let map = network.composition().with_parameters(weights, epsilon).expect("as many");
+            for defect in precision::defects(&map, seed) {
+                worst = max_or_nan(worst, defect);
+            }
+        }
+    }
+    assert!(worst <= tolerances::LADDER_THREE_RUNGS, "{worst}");
 }
 
 /// The laws on the first two of the points; that of evaluation on all.

@@ -314,7 +314,7 @@ pub struct Train {
     #[arg(long, value_parser = architectures())]
     pub architecture: Option<String>,
     /// Turned kicks of ψ_ε and their neurons, of a gyroceptron in normal form, such as 12x8; 12x8:arctan has neurons of
-    /// arctan in place of tanh, of which a step takes half the time (so of all sizes here).
+    /// arctan in place of tanh, of which a step takes half to three quarters of the time (so of all sizes here).
     #[arg(long, value_name = "LAYERSxWIDTH[:arctan|^DEGREE]")]
     pub kicks: Option<String>,
     /// Twist shears of T_ε and their neurons, of a gyroceptron in normal form, such as 16x8, or

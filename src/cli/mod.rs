@@ -70,7 +70,11 @@ fn describe(error: &Error) -> String {
         }
         Error::At { place, reason } => format!("{place}: {}", describe(reason)),
         other => match option_named(other) {
-            Some(option) => format!("{other} ({option})"),
+            // Options have no sections, as scenes do.
+            Some(option) => {
+                let text = other.to_string();
+                format!("{} ({option})", text.strip_prefix("training.").unwrap_or(&text))
+            }
             None => other.to_string(),
         },
     }

@@ -14,6 +14,9 @@ use rayon::prelude::*;
 ///
 /// When this angle is one or more field periods, it preserves the form B_φ dR∧dZ of the section, which an
 /// [`AreaDensity`](crate::phase::AreaDensity) turns into dp∧dq.
+///
+/// Source of the form: Cary and Littlejohn, <https://doi.org/10.1016/0003-4916(83)90313-5>; of the method:
+/// [`Tableau::DORMAND_PRINCE_8`](super::Tableau::DORMAND_PRINCE_8).
 #[derive(Clone, Copy, Debug)]
 pub struct LineMap<'a> {
     field: &'a CoilField,

@@ -23,6 +23,7 @@
 //! |---|---|
 //! | `paper`: the paper's experiments | [`paper`] |
 //! | `long-steps`: exact invariants, long steps, fifteen rivals | [`long_steps`] |
+//! | `family`, its part `invariant`: what the learnt invariant is worth | [`invariant_worth`] |
 //! | `family`: one network for several ε and flow times | [`family`] |
 //! | `field-lines`, `jolts`: surfaces and islands over 100,000 turns | [`field_lines`] |
 //! | `coils`, `edge`, `tokamak`, `controls`: coils, their edge, a tokamak with ripple, Wendelstein 7-X, machines that change, storage rings | [`coils`] |

@@ -105,8 +105,8 @@ pub fn turning_axiom_ratio(
 }
 
 /// The defect of the axiom for the conjugated action ψ∘Φ_θ∘ψ⁻¹ at z divided by
-/// its bound. The bound is that of Φ, propagated through ψ by its Jacobian, plus
-/// the rounding of ψ itself.
+/// its rounding scale: the bound of Φ, propagated through ψ by its Jacobian, plus
+/// the rounding scale of ψ itself, a root of a sum of squares.
 pub fn conjugated_axiom_ratio(
     family: &dyn NearlyPeriodic,
     axiom: CircleAxiom,
@@ -158,9 +158,9 @@ pub fn conjugated_axiom_ratio(
             }
         }
         ill_conditioned |= !(u * (reach + carried) <= ILL_CONDITIONED * size);
-        let bound = u * (squares[row] + carried);
+        let scale = u * (squares[row] + carried);
         let error = (ends[0][row] - ends[1][row]).abs();
-        largest = max_or_nan(largest, over(error, bound));
+        largest = max_or_nan(largest, over(error, scale));
     }
     if ill_conditioned { Conditioned::IllConditioned } else { Conditioned::Ratio(largest) }
 }

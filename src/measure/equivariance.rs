@@ -43,9 +43,9 @@ impl NormalFormed for Model {
 /// at most so many u times its radius, as in the axioms of the circle action.
 const OF_TURN: f64 = 4.0;
 
-/// The defect of P∘(χΦ_αχ⁻¹) = (χΦ_αχ⁻¹)∘P at z divided by its bound, the largest over the
-/// components. The bound has the rounding of both sides, step by step, and that of the
-/// coefficients of the turns, propagated to the end by the Jacobians of the later steps.
+/// The defect of P∘(χΦ_αχ⁻¹) = (χΦ_αχ⁻¹)∘P at z divided by its rounding scale, the largest over
+/// the components. The scale is a root of a sum of squares of the rounding of both sides, step by step, and has that of
+/// the coefficients of the turns, propagated to the end by the Jacobians of the later steps.
 pub fn equivariance_ratio(map: &dyn NormalFormed, angles: &[f64], z: &[f64]) -> Conditioned {
     let u = f64::unit_roundoff();
     let (dim, turn) = (z.len(), map.action().turn_by(angles));
@@ -102,8 +102,8 @@ pub fn equivariance_ratio(map: &dyn NormalFormed, angles: &[f64], z: &[f64]) -> 
     for row in 0..dim {
         reach = max_or_nan(reach, of_turns[row]);
         let error = (a[row] - b[row]).abs();
-        let bound = u * (squares[row] + of_turns[row]);
-        largest = max_or_nan(largest, if error == 0.0 { 0.0 } else { error / bound });
+        let scale = u * (squares[row] + of_turns[row]);
+        largest = max_or_nan(largest, if error == 0.0 { 0.0 } else { error / scale });
     }
     if !(u * reach <= ILL_CONDITIONED * size) || !linear {
         return Conditioned::IllConditioned;
@@ -127,7 +127,7 @@ fn radii(turn: &Turn<f64>, w: &[f64]) -> Vec<f64> {
 const OF_STEP: f64 = 12.0;
 
 /// The largest change of an action 𝔍_a over `iterations` iterations of the inner map from w, divided
-/// by its bound: the rounding of a step times √iterations, as for independent errors. A drift
+/// by its rounding scale: the bound of a step times √iterations, as for independent errors. A drift
 /// outgrows it. An orbit ends where the map is [beyond](Measurable::is_beyond) its range of use.
 pub fn action_ratio(
     inner: &dyn Measurable,
@@ -138,7 +138,7 @@ pub fn action_ratio(
     let mut moved = w.to_vec();
     let before: Vec<f64> = circles.iter().map(|circle| circle.invariant(w)).collect();
     let n = w.len() / 2;
-    let bounds: Vec<f64> = circles
+    let scales: Vec<f64> = circles
         .iter()
         .map(|circle| {
             let of_plane = |(j, m): (usize, &i32)| {
@@ -155,9 +155,9 @@ pub fn action_ratio(
             break;
         }
         inner.forward(&mut moved);
-        for ((circle, before), bound) in circles.iter().zip(&before).zip(&bounds) {
+        for ((circle, before), scale) in circles.iter().zip(&before).zip(&scales) {
             let error = (circle.invariant(&moved) - before).abs();
-            largest = max_or_nan(largest, if error == 0.0 { 0.0 } else { error / bound });
+            largest = max_or_nan(largest, if error == 0.0 { 0.0 } else { error / scale });
         }
     }
     largest

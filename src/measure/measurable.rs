@@ -227,7 +227,7 @@ impl<M: Numbers> Measurable for OneStep<M> {
 /// A composition of one or more maps of one type that is generic over the number type; the first
 /// map is applied first.
 ///
-/// The rounding errors of each map are followed separately, so the bounds of a long composition
+/// The rounding errors of each map are followed separately, so the scales of a long composition
 /// are of the size of its errors. For a hundred steps of an integrator as one [`OneStep`] they
 /// are far larger.
 #[derive(Clone, Debug)]

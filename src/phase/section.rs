@@ -14,7 +14,8 @@ use serde::{Deserialize, Serialize};
 /// Newton's method, safeguarded by bisection, finds x at (q, p).
 ///
 /// A map that preserves ρ dx∧dy is symplectic in (q, p). An example is the return map of the field lines of a
-/// magnetic field B to a half-plane φ = constant of cylindrical coordinates, with x = R, y = Z and ρ = B_φ.
+/// magnetic field B to a half-plane φ = constant of cylindrical coordinates, with x = R, y = Z and ρ = B_φ (Cary and
+/// Littlejohn, <https://doi.org/10.1016/0003-4916(83)90313-5>).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AreaDensity {

@@ -11,7 +11,10 @@ pyo3::create_exception!(
 
 impl From<crate::error::Error> for PyErr {
     fn from(error: crate::error::Error) -> Self {
-        Error::new_err(format!("{error}{}", argument_for(&error)))
+        let text = error.to_string();
+        // Arguments have no sections, as scenes do.
+        let text = text.strip_prefix("training.").unwrap_or(&text);
+        Error::new_err(format!("{text}{}", argument_for(&error)))
     }
 }
 

@@ -194,9 +194,9 @@ fn learn_at(
         from: from.map(|(model, earlier)| Earlier { model: model.clone(), time: time / earlier }),
     };
     let (initial, has_held_out) = (problem.initial_model()?, problem.held_out.is_some());
-    let mut watch = SceneWatch::new(context, &spec, &options);
-    let result = problem.train(&mut watch);
-    let times = watch.times;
+    let mut observer = SceneObserver::new(context, &spec, &options);
+    let result = problem.train(&mut observer);
+    let times = observer.times;
     context.add_training_times(times);
     let fitted = match result {
         Err(reason @ Error::Diverged { .. }) => {
@@ -239,7 +239,7 @@ pub(super) fn leading_up(
 }
 
 /// Saves checkpoints, takes times, and reports how it goes.
-struct SceneWatch<'w, 'a> {
+struct SceneObserver<'w, 'a> {
     context: &'w mut Context<'a>,
     spec: &'w ModelSpec,
     options: &'w TrainingOptions,
@@ -251,7 +251,7 @@ struct SceneWatch<'w, 'a> {
     earlier: TrainingTimes,
 }
 
-impl<'w, 'a> SceneWatch<'w, 'a> {
+impl<'w, 'a> SceneObserver<'w, 'a> {
     fn new(
         context: &'w mut Context<'a>,
         spec: &'w ModelSpec,
@@ -266,7 +266,7 @@ impl<'w, 'a> SceneWatch<'w, 'a> {
     }
 }
 
-impl TrainingObserver for SceneWatch<'_, '_> {
+impl TrainingObserver for SceneObserver<'_, '_> {
     fn earlier(&mut self, stage: TrainingStage) -> Result<Option<Checkpoint>, Error> {
         let found = self.checkpoints.earlier(stage)?;
         let before = self.times.before();

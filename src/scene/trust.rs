@@ -113,6 +113,7 @@ pub(super) fn trust(judgement: &Judgement) -> Findings {
             Limit::Data => "data",
             Limit::Iterations => "iterations",
             Limit::Network => "network",
+            Limit::Unknown => "unknown",
         },
         "orbits": orbits.as_ref().map(|orbits| orbits.count),
         "astray": orbits.as_ref().map(|orbits| orbits.astray),

@@ -336,7 +336,7 @@ pub struct Torsatron {
 
 impl Default for Torsatron {
     /// l = 2, N = 10, with sizes near those of the Large Helical Device: its axis is at R = 3.958 m, with surfaces to
-    /// 0.16 m outside of it and |ι| from 0.61 beside it to 0.73.
+    /// some 0.19 m outside of it; |ι| is 0.61 beside it and grows outwards, to 0.73 at 0.16 m.
     fn default() -> Self {
         Self {
             windings: 2,
@@ -492,6 +492,8 @@ struct Element {
 /// exponentially with the number of points, once they are closer to one another than the place is to the coil.
 ///
 /// B(r) = μ₀/4π Σ I ∮ dx × (r − x)/(|r − x|² + w²)^{3/2}, the curl of A(r) = μ₀/4π Σ I ∮ dx/(|r − x|² + w²)^{1/2}.
+///
+/// Source of the error: Trefethen and Weideman, <https://doi.org/10.1137/130932132>.
 #[derive(Clone, Debug)]
 pub struct CoilField {
     elements: Vec<Element>,

@@ -28,6 +28,8 @@ pub enum Limit {
     Iterations,
     /// Neither: the network, or the point where its optimiser came to rest.
     Network,
+    /// The loss is at rest, and without held-out pairs nothing says whether more pairs or another network would help.
+    Unknown,
 }
 
 /// The ratio of the final loss to that after nine tenths of the iterations above which the loss is
@@ -45,15 +47,20 @@ const LITTLE: f64 = 0.01;
 
 /// What limits a training, from its losses on training and held-out pairs.
 pub fn limit(loss: f64, validation: Option<f64>, history: &[TrainingRecord]) -> Limit {
-    let Some(last) = history.last() else { return Limit::Network };
+    let Some(last) = history.last() else { return at_rest(validation) };
     let earlier = history.iter().rev().find(|r| r.iteration * 10 <= last.iteration * 9);
     if validation.is_some_and(|validation| validation > BY_HEART * loss) {
         return Limit::Data;
     }
     match earlier {
         Some(earlier) if last.loss < AT_REST * earlier.loss => Limit::Iterations,
-        _ => Limit::Network,
+        _ => at_rest(validation),
     }
+}
+
+/// What limits a training that is at rest.
+fn at_rest(validation: Option<f64>) -> Limit {
+    if validation.is_some() { Limit::Network } else { Limit::Unknown }
 }
 
 impl Limit {
@@ -67,6 +74,9 @@ impl Limit {
             Self::Network => {
                 "the network or its optimiser: the loss is at rest, and held-out pairs fit as well; \
                  a wider network, the best of several starts, Levenberg–Marquardt where the optimiser is another"
+            }
+            Self::Unknown => {
+                "nothing says it: the loss is at rest, and no pairs were held out to tell the network from the data"
             }
         }
     }
@@ -264,7 +274,7 @@ impl Judgement {
         let own = OwnInvariance::measure(model, starts, STEPS);
         let limit = match limit(outcome.loss, outcome.best.validation, &outcome.history) {
             // It was ended because it was at rest.
-            Limit::Iterations if outcome.stop == Stop::Plateau => Limit::Network,
+            Limit::Iterations if outcome.stop == Stop::Plateau => at_rest(outcome.best.validation),
             limit => limit,
         };
 

@@ -181,15 +181,15 @@ impl Kernel for Gradient<'_> {
     }
 }
 
-/// The gradient of the mean of Σ_c weight_c·2b_c·P_c(z) in the parameters, with the bend
-/// b = (P₊ + P₋ − 2P)(z) held fixed.
-pub(super) struct BendGradient<'a> {
+/// The gradient of the mean of Σ_c weight_c·2b_c·P_c(z) in the parameters, with the second
+/// difference b = (P₊ + P₋ − 2P)(z) held fixed.
+pub(super) struct AccelerationGradient<'a> {
     pub(super) blocks: Blocks<'a>,
     /// The maps P₊ and P₋ whose parameters are ahead of and behind those of P.
     pub(super) beside: [&'a Composition<f64>; 2],
 }
 
-impl Kernel for BendGradient<'_> {
+impl Kernel for AccelerationGradient<'_> {
     type Output = Vec<Vec<f64>>;
 
     #[inline(always)]
@@ -212,7 +212,7 @@ impl Kernel for BendGradient<'_> {
                 behind.apply(Direction::Forward, &mut state_behind, &mut scratch);
                 map.forward_recorded_each(&mut group.state, &mut recording);
                 for k in 0..group.state.len() {
-                    // The residual from here is the bend.
+                    // The residual from here is the second difference.
                     let middle = group.state[k];
                     group.state[k] = (group.target[k] - middle) + (state_behind[k] - middle);
                     group.target[k] = V::zero();

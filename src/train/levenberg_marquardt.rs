@@ -265,9 +265,9 @@ impl<'a> LevenbergMarquardt<'a> {
         if !(lower > 0.0 && lower.is_finite()) {
             return None;
         }
-        if let Some(bend) = self.acceleration_gradient(parameters, &step) {
-            for (d, bend) in step.iter_mut().zip(solution(&bend)) {
-                *d += 0.5 * bend;
+        if let Some(gradient) = self.acceleration_gradient(parameters, &step) {
+            for (d, acceleration) in step.iter_mut().zip(solution(&gradient)) {
+                *d += 0.5 * acceleration;
             }
         }
         Some((step, lower))

@@ -1,6 +1,6 @@
 //! The loss of a network on pairs, its gradient and its curvature.
 
-use super::kernels::{BendGradient, Blocks, Curvature, Gradient, Value};
+use super::kernels::{AccelerationGradient, Blocks, Curvature, Gradient, Value};
 use crate::error::Error;
 use crate::flow::{Condition, Pairs};
 use crate::layer::TorusAction;
@@ -340,7 +340,7 @@ impl<'a> Objective<'a> {
         total / count + self.angle_cost(map)
     }
 
-    /// (2/N) Σ Σ_c weight_c b_c ∇P_c at the parameters of `map`, b being the bend
+    /// (2/N) Σ Σ_c weight_c b_c ∇P_c at the parameters of `map`, b being the second difference
     /// P₊ + P₋ − 2P at a pair for the maps `beside` it. Costs two losses and a gradient.
     pub(super) fn acceleration_gradient(
         &self,
@@ -354,7 +354,7 @@ impl<'a> Objective<'a> {
                 // Each pair goes through the maps beside it too.
                 work::count(work::Kind::Loss, 2 * blocks.pairs());
                 let beside = [&*ahead.map, &*behind.map];
-                on_lanes::<WIDTH, _>(BendGradient { blocks, beside })
+                on_lanes::<WIDTH, _>(AccelerationGradient { blocks, beside })
             });
             for part in parts {
                 term.add(part, &mut gradient);

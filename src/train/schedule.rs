@@ -151,13 +151,13 @@ where
 /// before all weights are trained. Each stage has checkpoints of its own, and resumes from them with the same bits.
 ///
 /// # Errors
-/// Those of [`train`], and of `start` and `watch`; when the chart of the ramp maps a pair on which
+/// Those of [`train`], and of `start` and `observer`; when the chart of the ramp maps a pair on which
 /// twists are to be trained to a point that is not finite.
 pub fn train_schedule(
     start: &mut dyn FnMut(u64) -> Result<Model, Error>,
     places: &[StageData<'_>],
     options: &TrainingOptions,
-    watch: &mut dyn TrainingObserver,
+    observer: &mut dyn TrainingObserver,
 ) -> Result<Scheduled, Error> {
     let [ramp @ .., last] = places else {
         return Err(Error::invalid("places", "none", "at least the one that is wanted"));
@@ -185,7 +185,7 @@ pub fn train_schedule(
             let iterations = starts.iterations;
             let run =
                 Run { stage: TrainingStage::Start(number), place: first, iterations, options };
-            let Some((outcome, checkpoint)) = run.attempt(&model, watch, &mut stages)? else {
+            let Some((outcome, checkpoint)) = run.attempt(&model, observer, &mut stages)? else {
                 continue;
             };
             if outcome.stop == Stop::Interrupted {
@@ -206,7 +206,7 @@ pub fn train_schedule(
     for (number, place) in ramp.iter().enumerate() {
         let (stage, iterations) = (TrainingStage::Ramp(number), place.iterations);
         let run = Run { stage, place, iterations, options };
-        let (outcome, _) = run.go(&model, trial.take(), watch)?;
+        let (outcome, _) = run.go(&model, trial.take(), observer)?;
         if outcome.stop == Stop::Interrupted {
             return Ok(Scheduled { initial, stages, outcome });
         }
@@ -225,7 +225,7 @@ pub fn train_schedule(
             0 => Ok(model.clone()),
             _ => start(unused + number - 1)?.with_angles(model.angles()),
         };
-        match train_twists(&model, &mut draw, fresh, last, &options, &mut stages, watch)? {
+        match train_twists(&model, &mut draw, fresh, last, &options, &mut stages, observer)? {
             ControlFlow::Continue(better) => model = better,
             ControlFlow::Break(outcome) => return Ok(Scheduled { initial, stages, outcome }),
         }
@@ -244,7 +244,7 @@ pub fn train_schedule(
         iterations: last.iterations,
         options: &options,
     };
-    let (outcome, _) = run.go(&model, trial, watch)?;
+    let (outcome, _) = run.go(&model, trial, observer)?;
     Ok(Scheduled { initial, stages, outcome })
 }
 
@@ -262,7 +262,7 @@ fn train_twists(
     place: &StageData<'_>,
     options: &TrainingOptions,
     stages: &mut Vec<StageResult>,
-    watch: &mut dyn TrainingObserver,
+    observer: &mut dyn TrainingObserver,
 ) -> Result<ControlFlow<Outcome, Model>, Error> {
     if model.architecture().twist_shears() == 0 {
         return Err(not_a_normal_form(fresh.count));
@@ -275,7 +275,7 @@ fn train_twists(
         let twists = draw(number)?.without_chart()?;
         let (stage, iterations) = (TrainingStage::Twists(number), fresh.iterations);
         let run = Run { stage, place, iterations, options };
-        let Some((outcome, _)) = run.attempt(&twists, watch, stages)? else { continue };
+        let Some((outcome, _)) = run.attempt(&twists, observer, stages)? else { continue };
         if outcome.stop == Stop::Interrupted {
             return Ok(ControlFlow::Break(outcome));
         }
@@ -328,11 +328,11 @@ impl Run<'_> {
     fn attempt(
         self,
         model: &Model,
-        watch: &mut dyn TrainingObserver,
+        observer: &mut dyn TrainingObserver,
         stages: &mut Vec<StageResult>,
     ) -> Result<Option<(Outcome, Option<Checkpoint>)>, Error> {
         let (stage, place) = (self.stage, self.place);
-        match self.go(model, None, watch) {
+        match self.go(model, None, observer) {
             Ok((outcome, checkpoint)) => {
                 if outcome.stop != Stop::Interrupted {
                     stages.push(StageResult::of(stage, place, &outcome));
@@ -353,7 +353,7 @@ impl Run<'_> {
         self,
         model: &Model,
         trial: Option<Checkpoint>,
-        watch: &mut dyn TrainingObserver,
+        observer: &mut dyn TrainingObserver,
     ) -> Result<(Outcome, Option<Checkpoint>), Error> {
         let Self { stage, place, iterations, options } = self;
         let mut options = options.of_stage(iterations);
@@ -361,13 +361,13 @@ impl Run<'_> {
             // What ends the training as a whole does not end what leads to it.
             (options.target, options.patience, options.plateau) = (0.0, 0, None);
         }
-        let mut newest = watch.earlier(stage)?.or(trial);
+        let mut newest = observer.earlier(stage)?.or(trial);
         let resume = newest.clone();
         let mut observe = |progress: Progress<'_>| {
             if let (Some(checkpoint), TrainingStage::Start(_)) = (progress.checkpoint, stage) {
                 newest = Some(checkpoint.clone());
             }
-            watch.observe(stage, progress)
+            observer.observe(stage, progress)
         };
         let outcome = train(model, place.pairs, place.held_out, &options, resume, &mut observe);
         let outcome = outcome.map_err(|error| match error {

@@ -36,6 +36,88 @@ fn chapters() -> Vec<(String, String)> {
     files.iter().filter(|path| path.extension().is_some_and(|e| e == "md")).map(read).collect()
 }
 
+/// What stands in backquotes, without line breaks.
+fn quoted(markdown: &str) -> Vec<String> {
+    let blocks = markdown.split("```").step_by(2);
+    blocks
+        .flat_map(|text| text.split('`').skip(1).step_by(2))
+        .map(|quoted| quoted.split_whitespace().collect::<Vec<_>>().join(" "))
+        .collect()
+}
+
+/// The text of all tests of a target, or of any where none is said.
+fn tests_of(target: Option<&str>) -> String {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let folders: Vec<_> = match target {
+        Some("verification") => vec![root.join("verification")],
+        Some(own @ ("program" | "studies")) => vec![root.join("tests").join(own)],
+        // Its files are modules of several targets.
+        Some(_) => vec![root.join("tests")],
+        None => {
+            ["tests", "tests/program", "tests/studies", "verification"].map(|f| root.join(f)).into()
+        }
+    };
+    let mut out = String::new();
+    for folder in folders {
+        for entry in std::fs::read_dir(folder).expect("tests") {
+            let path = entry.expect("an entry").path();
+            if path.extension().is_some_and(|ending| ending == "rs") {
+                let name = path.file_stem().expect("a name").to_string_lossy().into_owned();
+                out += &format!("mod {name};\n{}", std::fs::read_to_string(&path).expect("text"));
+            }
+        }
+    }
+    out
+}
+
+/// Names of tests and of scenes within sentences are those of tests and scenes.
+#[test]
+fn commands_in_sentences_name_what_there_is() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut all = chapters();
+    for file in ["benches/README.md", "fuzz/README.md"] {
+        if let Ok(text) = std::fs::read_to_string(root.join(file)) {
+            all.push((file.into(), text));
+        }
+    }
+    let (mut tests, mut scenes) = (0, 0);
+    for (file, text) in &all {
+        for command in quoted(text) {
+            let words: Vec<&str> = command.split(' ').collect();
+            match words[..] {
+                ["cargo", "test", ..] => {
+                    let own = words.iter().take_while(|word| **word != "--");
+                    let own: Vec<&str> = own.copied().skip(2).collect();
+                    let target = own.iter().position(|word| *word == "--test").map(|k| own[k + 1]);
+                    let filter = |(k, word): (usize, &&str)| {
+                        !word.starts_with('-') && (k == 0 || own[k - 1] != "--test")
+                    };
+                    let Some((_, filter)) = own.iter().enumerate().find(|&(k, w)| filter((k, w)))
+                    else {
+                        continue;
+                    };
+                    let found = tests_of(target);
+                    let last = filter.rsplit("::").next().expect("a part");
+                    let named = found.lines().map(str::trim_start).any(|line| {
+                        (line.starts_with("fn ") || line.starts_with("mod ")) && line.contains(last)
+                    });
+                    assert!(named, "{file}: `{command}`: there is no test with {filter}");
+                    tests += 1;
+                }
+                ["gyroceptron", "run", name, ..]
+                    if name.starts_with(|c: char| c.is_lowercase()) =>
+                {
+                    let known = name.contains(['.', '/']) || find(name).is_ok();
+                    assert!(known, "{file}: `{command}`: there is no scene {name}");
+                    scenes += 1;
+                }
+                _ => {}
+            }
+        }
+    }
+    assert!(tests >= 5 && scenes >= 50, "{tests} {scenes}");
+}
+
 /// The program of the README, line by line, but for the length of its training.
 #[test]
 fn the_readmes_commands_run() {

@@ -33,9 +33,19 @@ fn names_that_say_another_format_are_refused() {
 fn lists_of_blocks_that_cannot_be_are_refused() {
     let folder = with_model();
     let path = folder.path();
+    let one = "widths = { count = 1, width = 2 }";
     let cases = [
-        (r#"{ part = "slow-map", layer = "henon", widths = { count = 1, width = 2 } }"#, "block 1"),
-        (r#"{ part = "chart", layer = "no-such", widths = { count = 1, width = 2 } }"#, "no-such"),
+        (format!(r#"{{ part = "slow-map", layer = "henon", {one} }}"#), "block 1"),
+        (format!(r#"{{ part = "chart", layer = "no-such", {one} }}"#), "no-such"),
+        (format!(r#"{{ part = "no-such", layer = "henon", {one} }}"#), "no-such"),
+        (format!(r#"{{ part = "conjugation", layer = "henon", {one} }}"#), "`conjugation` twice"),
+        (format!(r#"{{ part = "near-identity", layer = "henon", scale = "none", {one} }}"#), "ε"),
+        (format!(r#"{{ part = "chart", name = "a/b", layer = "henon", {one} }}"#), "a/b"),
+        (r#"{ part = "chart", layer = "henon", widths = [2, 0] }"#.into(), "width 0"),
+        (
+            r#"{ part = "chart", layer = "henon", widths = { count = 1, width = 0 } }"#.into(),
+            "width",
+        ),
     ];
     for (block, words) in cases {
         let scene = format!(

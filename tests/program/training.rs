@@ -552,7 +552,7 @@ fn training_offers_networks_and_optimisers_and_reports() {
         (&["--architecture", "henon-net", "--psi", "2x2"], &["--psi", "a size of henon-net"]),
         (&["--layers", "2x2"], &["--layers", "a size of gyroceptron"]),
         (&["--near-identity-penalty", "-1"], &["near_identity_penalty"]),
-        (&["--target", "nan"], &["target"]),
+        (&["--target", "nan"], &["gyroceptron: target: ", "(--target)"]),
         (&["--architecture", "henon-net", "--epsilon", "0.3"], &["--epsilon"]),
         (&["--architecture", "sympnet", "--theta", "1"], &["--theta"]),
         (&["--report", "."], &["--report"]),

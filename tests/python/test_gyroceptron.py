@@ -264,7 +264,8 @@ def test_bad_input_is_named(tmp_path, pairs, model):
     refuses("2000000000", train, *pairs, [1, 2_000_000_000])
     refuses("theta", train, *pairs, [1, 0], recipe="paper", architecture="henon-net", theta=0.5)
     refuses("theta_fixed", train, *pairs, [1, 0], recipe="paper", architecture="sympnet", theta_fixed=True)
-    refuses("theta_penalty", train, *pairs, [1, 0], recipe="paper", theta_penalty=-1.0)
+    refuses("^theta_penalty: ", train, *pairs, [1, 0], recipe="paper", theta_penalty=-1.0)
+    refuses("^ramp.iterations: ", train, *pairs, [1, 0], ramp=[(1.0, 0)])
     refuses("epsilon", train, *pairs, [1, 0], recipe="paper", architecture="normal-form", epsilon=0.0)
     refuses("columns: expected 4, found 3", train, pairs[0][:, :3], pairs[1], [1, 0])
     with pytest.raises(gyroceptron.Error) as raised:

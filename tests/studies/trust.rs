@@ -23,7 +23,11 @@ fn what_limits_is_told_from_the_losses() {
     assert_eq!(limit(1e-3, Some(1e-3), &history(0.99e-3)), Limit::Network);
     assert_eq!(limit(1e-3, Some(1e-3), &history(0.8e-3)), Limit::Iterations);
     assert_eq!(limit(1e-3, Some(2.1e-3), &history(0.8e-3)), Limit::Data);
-    assert_eq!(limit(1e-3, None, &[]), Limit::Network);
+    assert_eq!(limit(1e-3, Some(1e-3), &[]), Limit::Network);
+    // Held-out pairs would tell.
+    assert_eq!(limit(1e-3, None, &[]), Limit::Unknown);
+    assert_eq!(limit(1e-3, None, &history(0.99e-3)), Limit::Unknown);
+    assert_eq!(limit(1e-3, None, &history(0.8e-3)), Limit::Iterations);
 }
 
 #[test]
