@@ -206,7 +206,7 @@ pub enum Error {
 fn wanted(columns: Option<&[usize]>) -> &'static str {
     match columns {
         Some(_) => "columns q1 q2 … p1 p2 …",
-        None => "weights, pairs of another flow time, or at least 100 pairs",
+        None => "weights, or pairs of another flow time",
     }
 }
 

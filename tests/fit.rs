@@ -324,11 +324,18 @@ fn what_cannot_be_is_refused() {
 fn pairs_of_negative_epsilon_are_counted() {
     let family = pairs(6, 0.5, 1).under(&[0.1, -0.1, 0.2, -0.1, -0.3, 0.1], &[1.0; 6]);
     let family = family.expect("a family");
-    let note = FitNote::of_negative_epsilons(&family);
+    let note = FitNote::of_negative_epsilons(&family, 0.1);
     let doubled = family.with_conditions(|condition| (2.0 * condition.epsilon, 0.5));
     let first = &doubled.conditions()[0];
     assert_eq!((first.epsilon, first.time, first.pairs), (0.2, 0.5, 2));
     assert_eq!(note, Some(FitNote::NegativeEpsilons(3, 6)));
+    // The one of all pairs.
+    let negative = fit().with_iterations(1);
+    let negative =
+        Fit { epsilon: Some(-0.1), ..negative }.prepare(pairs(40, 0.9, 1)).expect("ready");
+    let note = |note: &FitNote| matches!(note, FitNote::NegativeEpsilons(40, 40));
+    assert!(negative.notes.iter().any(note), "{:?}", negative.notes);
+    assert_eq!(FitNote::of_negative_epsilons(&pairs(6, 0.5, 1), 0.1), None);
 }
 
 /// Pairs of a flow whose plane 1 turns by `time / epsilon` where plane 2 is slow, by Strang's splitting.

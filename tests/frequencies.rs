@@ -126,6 +126,17 @@ fn orbits_survive_until_they_leave() {
         let own = orbit.chunks_exact(2).position(|z| !stays(z)).map(|t| t + 1);
         assert_eq!(*found, own, "{start:?}");
     }
+    // Who begins outside is lost before the first map, wherever it leads.
+    let turned = |points: &[f64], maps: usize| Ok(vec![0.0; maps * points.len()]);
+    let lost = maps_survived(&turned, &[2.5, 0.0, 0.5, 0.5], 2, 5, &stays).expect("points");
+    assert_eq!(lost, [Some(0), None]);
+    let aperture = |direction: [f64; 2]| {
+        let radii = [1.0, 1.9, 2.1];
+        dynamic_aperture(&turned, &[0.0; 2], &[direction.to_vec()], &radii, 5, &stays)
+    };
+    assert_eq!(aperture([1.0, 0.0]).expect("an aperture"), [1.9]);
+    let error = aperture([0.0, 0.0]).expect_err("no direction").to_string();
+    assert!(error.contains("directions") && error.contains("[0.0, 0.0]"), "{error}");
     let lost = found.iter().flatten();
     assert!(lost.clone().any(|t| *t < 10) && lost.clone().any(|t| *t > 64), "{found:?}");
     assert!(found.iter().filter(|lost| lost.is_none()).count() > 10);

@@ -13,7 +13,7 @@ use gyroceptron::measure::{
 };
 use gyroceptron::network::{HenonShape, InitialWeights, Rollout};
 use gyroceptron::random::Stream;
-use gyroceptron::train::{ActionFit, Loss, Objective, Orbits, fit_rotation};
+use gyroceptron::train::{ActionFit, Fit, Loss, Objective, Orbits, fit_rotation};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
@@ -250,6 +250,53 @@ fn a_verdict_takes_held_out_pairs() {
     assert!(few.starts_with("**no**: only 29 pairs were held out"), "{few}");
     let (enough, trust) = verdict("0.03");
     assert!(!enough.contains("only") && trust["held_out"] == 30, "{enough}");
+}
+
+/// Held-out pairs that repeat those of the training, and images where no input is, say little.
+#[test]
+fn repeated_pairs_and_images_beyond_the_inputs_are_told() {
+    let mut stream = Stream::new(6, "points");
+    let points = |count: usize, stream: &mut Stream| -> Vec<f64> {
+        (0..2 * count).map(|_| stream.uniform(-1.5, 1.5)).collect()
+    };
+    // The standard map: with K = 3 most images are beyond the inputs.
+    let standard = |strength: f64, z: &[f64]| -> Vec<f64> {
+        let kicked = |z: &[f64]| {
+            let p = z[1] - strength * z[0].sin();
+            [0.2 * (z[0] + p), p]
+        };
+        z.chunks_exact(2).flat_map(kicked).collect()
+    };
+    let judged = |input: Vec<f64>, strength: f64| {
+        let output = standard(strength, &input);
+        let pairs = Pairs::new("standard", 1, input, output).expect("pairs");
+        let action = Some(CircleAction::new([1]).into());
+        let mut fit = Fit { action, ..Fit::default() }.with_iterations(20);
+        fit.training.starts = None;
+        let judgement = fit.run(pairs).expect("trains").judgement().expect("a judgement");
+        (judgement.no.join("; "), judgement.care.join("; "))
+    };
+    let (_, care) = judged(points(600, &mut stream), 3.0);
+    assert!(care.contains("of the images are outside the box of the inputs"), "{care}");
+    let (no, care) = judged(points(600, &mut stream), 0.3);
+    assert!(
+        !care.contains("outside the box of the inputs") && !no.contains("inputs"),
+        "{no} {care}"
+    );
+    // Forty points, fifteen times each.
+    let few = points(40, &mut stream).repeat(15);
+    let (no, _) = judged(few, 0.3);
+    assert!(
+        no.contains("only 0 of 60 held-out pairs have inputs that no training pair has"),
+        "{no}"
+    );
+    // Half of them twice: enough are left, and the others are said.
+    let twice = [points(400, &mut stream).repeat(2), points(400, &mut stream)].concat();
+    let (no, care) = judged(twice, 0.3);
+    assert!(
+        !no.contains("inputs") && care.contains("have the input of a training pair"),
+        "{no} {care}"
+    );
 }
 
 /// Where the fast plane comes round by whole turns, no other action is recommended.

@@ -265,6 +265,7 @@ fn rotation_numbers_are_as_far_from_fractions_as_they_say() {
     for (text, why) in [
         ("2/3", "rational"),
         ("[0; 1, 2]", "rational"),
+        ("[0; 2, (2)]", "the only period"),
         ("1.618", "whole turns"),
         ("0", "whole turns"),
         ("nan", "whole turns"),

@@ -29,7 +29,7 @@ pub fn guard_output(
 ) -> Result<(), Error> {
     let real = |path: &Path| std::fs::canonicalize(path).ok();
     if let Some(input) = inputs.iter().find(|i| real(i).is_some() && real(i) == real(output)) {
-        let expected = "another file than the input";
+        let expected = "another file than the inputs and outputs beside it";
         return Err(Error::invalid(option, input.display(), expected));
     }
     if let Ok(metadata) = std::fs::symlink_metadata(output) {

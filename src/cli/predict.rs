@@ -8,7 +8,9 @@ use super::progress::line;
 use super::status::Status;
 use gyroceptron::Error;
 use gyroceptron::flow::{PolynomialExit, SectionExit, Trajectories};
-use gyroceptron::io::{StoredMap, load_map, read_points, read_trajectories, write_points};
+use gyroceptron::io::{
+    StoredMap, load_map, read_points, read_trajectories_until_lost, write_points,
+};
 use gyroceptron::measure::timing::root_mean_square_distance;
 use gyroceptron::network::{Course, Pace, Rollout};
 use gyroceptron::phase::Direction;
@@ -90,7 +92,7 @@ pub fn predict(arguments: &Predict) -> Result<Status, Error> {
     }
     let points = initial.len() / dim;
     let others = arguments.compare.as_deref().map(|file| {
-        let others = read_trajectories(file, dof)?;
+        let others = read_trajectories_until_lost(file, dof)?;
         let counts = [
             ("states of each trajectory", request.kept(), others.states()),
             ("trajectories", points, others.count()),
@@ -135,10 +137,10 @@ pub fn predict(arguments: &Predict) -> Result<Status, Error> {
     let beyond =
         beyond.and_then(|stored| stored.leaves_polynomials(&values, points, request.every));
     let lost = SectionExit::of(&values, dof, points, request.every);
-    let lost = lost.filter(|_| asked && map.has_section());
+    let lost = lost.filter(|_| asked);
     let exits: Vec<String> = { left.iter().zip(region) }
         .map(|(left, region)| left.describe(region, map.has_section()))
-        .chain(lost.iter().map(SectionExit::describe))
+        .chain(lost.iter().map(|lost| lost.describe(map.has_section())))
         .chain(beyond.iter().map(PolynomialExit::describe))
         .collect();
     exits.iter().for_each(|text| line(&format!("note: {text}")));
@@ -150,7 +152,7 @@ pub fn predict(arguments: &Predict) -> Result<Status, Error> {
             let left = json!({
                 "output": null,
                 "outside": left,
-                "outside_section": lost,
+                "lost": lost,
                 "outside_polynomials": beyond,
                 "outside_controls": beyond_range,
             });
@@ -173,7 +175,7 @@ pub fn predict(arguments: &Predict) -> Result<Status, Error> {
             "compared": apart,
             "invariant": arguments.invariant.as_ref().map(|file| file.display().to_string()),
             "outside": left,
-            "outside_section": lost,
+            "lost": lost,
             "outside_polynomials": beyond,
             "outside_controls": beyond_range,
             "grid": course.grid.map(|grid| json!({
@@ -217,7 +219,7 @@ struct Distance {
     /// The root mean square distance over all trajectories, in units of the data.
     rms: f64,
     largest: f64,
-    /// The trajectories that have left the section by then, which are in neither.
+    /// The trajectories that are lost by then, here or in the other file, which are in neither.
     lost: usize,
 }
 
@@ -227,7 +229,7 @@ fn distances(values: &[f64], others: &Trajectories, every: usize) -> Vec<Distanc
     let of = |(index, (own, other)): (usize, (&[f64], &[f64]))| {
         let both = own.chunks_exact(dim).zip(other.chunks_exact(dim));
         let (kept, lost): (Vec<_>, Vec<_>) =
-            both.partition(|(own, _)| own.iter().all(|v| !v.is_nan()));
+            both.partition(|(own, other)| own.iter().chain(*other).all(|v| !v.is_nan()));
         let distances = kept.iter().map(|(a, b)| root_mean_square_distance(a, b, dim));
         let largest = distances.fold(0.0, max_or_nan);
         let own: Vec<f64> = kept.iter().flat_map(|(own, _)| *own).copied().collect();

@@ -1,7 +1,7 @@
 //! Orbits of maps that are fitted to pairs without training, with several points in each step.
 
 use super::Pairs;
-use super::request::TOGETHER;
+use super::request::{TOGETHER, at_pace};
 use crate::error::Error;
 use crate::network::{Rollout, load_groups, store_groups};
 use crate::scalar::{Dual, Kernel, Pack, Scalar, WIDTH, on_independent_lanes};
@@ -89,6 +89,26 @@ impl<M: LaneMap> Kernel for Derivatives<'_, M> {
     }
 }
 
+/// Room for the states of a roll-out, `times` of which there is room for.
+///
+/// # Errors
+/// When there is not.
+pub(super) fn room_for_states(
+    initial: &[f64],
+    request: Rollout,
+    times: usize,
+) -> Result<Vec<f64>, Error> {
+    let kept = (request.steps / request.every).saturating_add(1);
+    let too_many = || {
+        Error::invalid("states to keep", format!("{kept} of {} numbers", initial.len()), "fewer")
+    };
+    let size = kept.checked_mul(initial.len()).ok_or_else(too_many)?;
+    let mut out = Vec::new();
+    out.try_reserve_exact(size.checked_mul(times).ok_or_else(too_many)?).map_err(|_| too_many())?;
+    out.shrink_to(size);
+    Ok(out)
+}
+
 /// The states of an orbit of each initial point, as a network's [`rollout`](crate::network::rollout) gives them:
 /// (steps/every + 1, M, 2n), the first being the initial points.
 pub(super) fn rollout(
@@ -98,23 +118,34 @@ pub(super) fn rollout(
 ) -> Result<Vec<f64>, Error> {
     Error::check_rows("initial points", initial.len(), map.dim())?;
     Error::check_count_range("every", request.every, 1, usize::MAX)?;
-    let states = request.steps / request.every + 1;
     let points = initial.len() / map.dim();
-    let mut out = vec![0.0; states * initial.len()];
-    let block = points.div_ceil(rayon::current_num_threads()).max(1) * map.dim();
-    let blocks: Vec<Vec<f64>> = initial
-        .par_chunks(block)
-        .map(|initial| on_independent_lanes(Orbits { map, request, initial, states }))
-        .collect();
-    let mut first = 0;
-    for of_block in blocks {
-        let row = of_block.len() / states;
-        for t in 0..states {
-            out[t * initial.len() + first..][..row]
-                .copy_from_slice(&of_block[t * row..(t + 1) * row]);
+    // Each block has room for its own states, beside those of all.
+    let mut out = room_for_states(initial, request, 2)?;
+    let states = request.steps / request.every + 1;
+    out.resize(states * initial.len(), 0.0);
+    let (dim, threads) = (map.dim(), rayon::current_num_threads());
+    at_pace(|pace| {
+        let mut done = 0;
+        while done < points {
+            let part = pace.part(request.steps).min(points - done);
+            let blocks: Vec<Vec<f64>> = initial[done * dim..(done + part) * dim]
+                .par_chunks(part.div_ceil(threads) * dim)
+                .map(|initial| on_independent_lanes(Orbits { map, request, initial, states }))
+                .collect();
+            let mut first = done * dim;
+            for of_block in blocks {
+                let row = of_block.len() / states;
+                for t in 0..states {
+                    out[t * initial.len() + first..][..row]
+                        .copy_from_slice(&of_block[t * row..(t + 1) * row]);
+                }
+                first += row;
+            }
+            done += part;
+            pace.pause("roll-out", part.saturating_mul(request.steps))?;
         }
-        first += row;
-    }
+        Ok(())
+    })?;
     Ok(out)
 }
 

@@ -1,6 +1,6 @@
 //! Symplectic polynomials in the chart of a section.
 
-use super::lane_map;
+use super::lane_map::{self, room_for_states};
 use super::{Pairs, Region, Symmetries, SymplecticPolynomial, lose_rest};
 use crate::error::Error;
 use crate::network::{Pace, Rollout};
@@ -146,7 +146,8 @@ impl PolynomialOnSection {
         let points = initial.len() / (2 * self.map.dof());
         let mut here = initial.to_vec();
         self.section.iter().for_each(|section| section.to_canonical(&mut here));
-        let mut states = here.clone();
+        let mut states = room_for_states(initial, request, 1)?;
+        states.extend_from_slice(&here);
         let mut kept = request.steps / every;
         while kept > 0 {
             let steps = pace.part(points);
@@ -170,10 +171,8 @@ impl PolynomialOnSection {
             states.extend_from_slice(&here);
             kept -= 1;
         }
-        if let Some(section) = &self.section {
-            section.to_data(&mut states);
-            lose_rest(&mut states, initial.len(), 2 * self.map.dof());
-        }
+        self.section.iter().for_each(|section| section.to_data(&mut states));
+        lose_rest(&mut states, initial.len(), 2 * self.map.dof());
         states[..initial.len()].copy_from_slice(initial);
         Ok(states)
     }

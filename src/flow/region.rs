@@ -118,7 +118,7 @@ pub type RegionExit = Exit<OutsideRegion>;
 /// States outside the box of a network's polynomials.
 pub type PolynomialExit = Exit<OutsidePolynomials>;
 
-/// States outside the box of a section.
+/// States outside the box of a section, or where a polynomial has no image.
 pub type SectionExit = Exit<OutsideSection>;
 
 /// A state outside of the box of its section: nothing is known of it.
@@ -200,16 +200,19 @@ pub(crate) fn lose_rest(states: &mut [f64], row: usize, dim: usize) {
 }
 
 impl SectionExit {
-    /// The states of `points` trajectories, (T, M, 2n), that are no numbers, since they have left the box of their
-    /// section: one state in `every` is kept. None if all are numbers.
+    /// The states of `points` trajectories, (T, M, 2n), that are no numbers, since their orbits are lost: one state in
+    /// `every` is kept. None if all are numbers.
     pub fn of(values: &[f64], dof: usize, points: usize, every: usize) -> Option<Self> {
         let lost = |z: &[f64]| z.iter().any(|v| v.is_nan()).then_some(OutsideSection {});
         Self::first_of(values.chunks_exact(2 * dof).map(lost), points, every)
     }
 
-    /// In words: which states, and the first of them.
-    pub fn describe(&self) -> String {
-        self.sentence("the section", "it and all later ones are NaN")
+    /// In words: which states, and the first of them. Without a section they are those of a polynomial, which has no
+    /// image so far out.
+    pub fn describe(&self, has_section: bool) -> String {
+        let what =
+            if has_section { "the section" } else { "the pairs, where the map has no image" };
+        self.sentence(what, "it and all later ones are NaN")
     }
 }
 

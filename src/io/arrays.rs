@@ -411,6 +411,18 @@ pub fn parse_points(place: &str, bytes: &[u8], dof: usize) -> Result<PointsFile,
 /// When the file is missing or corrupt, or the array is not of T ≥ 1 states of M ≥ 1 points of
 /// 2n finite numbers.
 pub fn read_trajectories(path: &Path, dof: usize) -> Result<Trajectories, Error> {
+    read_states(path, dof, false)
+}
+
+/// [`read_trajectories`] of trajectories that may be lost: of NaN from some state after the first on.
+///
+/// # Errors
+/// Those of [`read_trajectories`], but for the states of lost trajectories.
+pub fn read_trajectories_until_lost(path: &Path, dof: usize) -> Result<Trajectories, Error> {
+    read_states(path, dof, true)
+}
+
+fn read_states(path: &Path, dof: usize, may_be_lost: bool) -> Result<Trajectories, Error> {
     let (place, bytes) = (path.display().to_string(), read_bytes(path)?);
     let array = read_array(&place, &mut &bytes[..], bytes.len() as u64)?;
     let [states, count, columns] = array.shape[..] else {
@@ -421,7 +433,15 @@ pub fn read_trajectories(path: &Path, dof: usize) -> Result<Trajectories, Error>
         let expected = format!("states of trajectories of {} numbers", 2 * dof);
         return Err(Error::content(place, expected, format!("shape {:?}", array.shape)));
     }
-    check_finite(&place, &array.values, columns)?;
+    let row = count * columns;
+    for (index, value) in array.values.iter().enumerate().filter(|(_, value)| !value.is_finite()) {
+        let (state, trajectory) = (index / row, index % row / columns);
+        if may_be_lost && state > 0 && value.is_nan() {
+            continue;
+        }
+        let found = format!("{value} in state {state} of trajectory {trajectory} (counted from 0)");
+        return Err(Error::content(place, "finite numbers", found));
+    }
     Trajectories::new(array.values, columns, count)
 }
 

@@ -21,7 +21,8 @@ mod weights;
 
 pub use arrays::{
     PairsFile, PointsFile, parse_pairs, parse_points, read_pairs, read_points, read_section,
-    read_trajectories, write_pairs, write_points, write_section, write_trajectories,
+    read_trajectories, read_trajectories_until_lost, write_pairs, write_points, write_section,
+    write_trajectories,
 };
 pub use checkpoints::Checkpoints;
 pub use code::{SourceCode, SourceLanguage};

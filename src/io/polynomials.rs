@@ -60,11 +60,11 @@ impl StoredPolynomial {
         Ok(states)
     }
 
-    /// [`StoredPolynomial::rollout_along`] of orbits that may leave the box of a section: the state that is kept there
-    /// and all later ones are NaN. Without a section it is the same.
+    /// [`StoredPolynomial::rollout_along`] of orbits that may leave the box of a section, or come to where the polynomial
+    /// has no image: the first state that is kept after that and all later ones are NaN.
     ///
     /// # Errors
-    /// Those of [`StoredPolynomial::rollout_along`], but for orbits that leave the box of a section.
+    /// Those of [`StoredPolynomial::rollout_along`], but for orbits that are lost.
     pub fn rollout_until_lost(
         &self,
         direction: Direction,
@@ -72,9 +72,6 @@ impl StoredPolynomial {
         request: Rollout,
         pace: &mut Pace<'_>,
     ) -> Result<Vec<f64>, Error> {
-        if !self.map.has_section() {
-            return self.rollout_along(direction, initial, request, pace);
-        }
         self.rolled_out(direction, initial, request, pace)
     }
 

@@ -6,8 +6,8 @@ use crate::error::Error;
 /// those of all points after one map first. States of a lost orbit are NaN or anything else outside.
 pub type Follow<'a> = &'a (dyn Fn(&[f64], usize) -> Result<Vec<f64>, Error> + 'a);
 
-/// The number of maps after which each orbit is outside for the first time; None for orbits that stay inside for all
-/// `maps` maps. A point has `dim` numbers, and `stays` returns whether it is inside; it has to be false for NaN.
+/// The number of maps after which each orbit is outside for the first time, 0 where it begins outside; None for orbits
+/// that stay inside for all `maps` maps. A point has `dim` numbers, and `stays` returns whether it is inside; it has to be false for NaN.
 ///
 /// # Errors
 /// Those of `follow`; when there are no whole points.
@@ -21,9 +21,11 @@ pub fn maps_survived(
     /// States that are held at once.
     const PART: usize = 64;
     Error::check_rows("points", starts.len(), dim)?;
-    let mut out = vec![None; starts.len() / dim];
-    let mut kept: Vec<usize> = (0..out.len()).collect();
-    let mut here = starts.to_vec();
+    let begins = |z: &[f64]| if stays(z) { None } else { Some(0) };
+    let mut out: Vec<Option<usize>> = starts.chunks_exact(dim).map(begins).collect();
+    let mut kept: Vec<usize> = (0..out.len()).filter(|orbit| out[*orbit].is_none()).collect();
+    let mut here: Vec<f64> =
+        kept.iter().flat_map(|orbit| &starts[orbit * dim..][..dim]).copied().collect();
     let mut done = 0;
     while done < maps && !kept.is_empty() {
         let part = PART.min(maps - done);
@@ -48,7 +50,7 @@ pub fn maps_survived(
 /// Source: Todesco and Giovannozzi, <https://doi.org/10.1103/PhysRevE.53.4067>.
 ///
 /// # Errors
-/// Those of [`maps_survived`]; when radii do not grow from above 0, or a direction is of other than `dim` numbers.
+/// Those of [`maps_survived`]; when radii do not grow from above 0, or a direction is 0 or of other than `dim` numbers.
 pub fn dynamic_aperture(
     follow: Follow<'_>,
     centre: &[f64],
@@ -69,6 +71,9 @@ pub fn dynamic_aperture(
     let mut starts = Vec::with_capacity(directions.len() * radii.len() * dim);
     for direction in directions {
         Error::check_count("numbers of a direction", dim, direction.len())?;
+        if direction.iter().all(|d| *d == 0.0) {
+            return Err(Error::invalid("directions", format!("{direction:?}"), "a direction"));
+        }
         for radius in radii {
             starts.extend(centre.iter().zip(direction).map(|(c, d)| radius.mul_add(*d, *c)));
         }

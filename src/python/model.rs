@@ -265,7 +265,7 @@ impl Model {
                 left.map(|(left, region)| left.describe(region, self.stored.section.is_some()));
             let lost = SectionExit::of(&states, self.dof(), count, every);
             let beyond = self.stored.leaves_polynomials(&states, count, every);
-            [left, lost.map(|lost| lost.describe()), beyond.map(|beyond| beyond.describe())]
+            [left, lost.map(|lost| lost.describe(true)), beyond.map(|beyond| beyond.describe())]
         })?;
         array(py, states, points.shape(&[request.kept()], &[dim]))
     }

@@ -1,7 +1,7 @@
 //! Properties of the orbits of a map, in Python.
 
 use super::arrays::{Rows, array, point_of, points_of, read, rows_of};
-use super::interrupt::{Stop, interruptible, measured, stoppable};
+use super::interrupt::{Stop, by_parts, interruptible, measured, stoppable};
 use crate::error::Error;
 use crate::flow::{Region, Trajectories};
 use crate::io::{StoredModel, read_section};
@@ -396,7 +396,9 @@ impl PyInvariantCircle {
         points: Rows<'py>,
     ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         let points = points_of("points", &points, 1)?;
-        array(py, self.0.distances(&points.values), points.shape(&[], &[]))
+        let distances =
+            by_parts(py, "distances", 2, &points.values, |part| Ok(self.0.distances(part)))?;
+        array(py, distances, points.shape(&[], &[]))
     }
 
     fn __repr__(&self) -> String {

@@ -172,7 +172,7 @@ impl PySymplecticPolynomial {
     /// ..., 2n), the points themselves first. Negative `steps` apply the inverse map. `outside` says what to do when a
     /// trajectory leaves the box of the pairs by more than a hundredth of its width, beyond which polynomials grow
     /// without a bound: "warn" (UserWarning), "stop" (an Error) or "ignore". A trajectory that leaves the box of a
-    /// section is NaN from there on.
+    /// section, or comes to where the map has no image, is NaN from there on.
     #[pyo3(signature = (points, steps=1, every=1, outside="warn"))]
     fn predict<'py>(
         &self,
@@ -195,9 +195,9 @@ impl PySymplecticPolynomial {
             let region = self.map.region();
             let left = region.left_by(&states, count, every);
             let has_section = self.map.has_section();
-            let lost = SectionExit::of(&states, self.dof, count, every).filter(|_| has_section);
+            let lost = SectionExit::of(&states, self.dof, count, every);
             let left = left.map(|left| left.describe(region, has_section));
-            [left, lost.map(|lost| lost.describe())]
+            [left, lost.map(|lost| lost.describe(has_section))]
         })?;
         array(py, states, points.shape(&[steps / every + 1], &[2 * self.dof]))
     }

@@ -36,6 +36,7 @@ pub fn next_command(typed: &[String], step: NextStep, model: &Path) -> String {
             let share = Fit::HELD_OUT.to_string();
             with(&["--validation"], &["--validation", &share, "--overwrite"])
         }
+        NextStep::Values(_) => with(&["--data"], &["--data", "MORE-VALUES.npz", "--overwrite"]),
         NextStep::Pairs(_) => with(&["--data"], &["--data", "MORE-PAIRS.npz", "--overwrite"]),
         NextStep::Marquardt => with(&["--optimiser"], &["--optimiser", "lm", "--overwrite"]),
         NextStep::Starts(starts) => {

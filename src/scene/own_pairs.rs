@@ -42,6 +42,8 @@ pub enum NextStep {
     HoldOut,
     /// Get more pairs than this number.
     Pairs(usize),
+    /// Get pairs of more values of the controls than this number.
+    Values(usize),
     /// Use Levenberg–Marquardt in place of the optimiser.
     Marquardt,
     /// Start from this number of initial weights.
@@ -77,7 +79,12 @@ impl NextStep {
             return if enough { Self::HoldOut } else { Self::Pairs(problem.pairs.len()) };
         }
         if judgement.limit == Limit::Data {
-            return Self::Pairs(problem.pairs.len());
+            // Held-out pairs of a machine are those of values that the training has not seen.
+            let conditions = problem.pairs.conditions();
+            return match conditions.first() {
+                Some(condition) if !condition.controls.is_empty() => Self::Values(conditions.len()),
+                _ => Self::Pairs(problem.pairs.len()),
+            };
         }
         let falling = judgement.limit == Limit::Iterations && outcome.stop == Stop::Iterations;
         // Starts may have taken more than were asked for.
@@ -133,6 +140,10 @@ impl NextStep {
             }
             Self::Pairs(count) => format!(
                 "{count} training pairs are too few to learn from and to judge by; some thousands are usual"
+            ),
+            Self::Values(count) => format!(
+                "held-out pairs are of values of the controls that are not among the {count} trained on: more \
+                 values, or a lower degree in the controls, tell more of those between than more pairs of the same"
             ),
             Self::Marquardt => "Levenberg–Marquardt gets further than other optimisers".into(),
             Self::Starts(_) => "other initial weights may end lower".into(),
@@ -196,7 +207,8 @@ impl OwnTraining<'_> {
         )));
         trust.results.data["next"] = json!(next);
         trust.results.data["worst_plane"] = json!(of.worst_plane().map(|plane| plane + 1));
-        if let Some(words) = FitNote::of_negative_epsilons(pairs) {
+        if let Some(words) = FitNote::of_negative_epsilons(pairs, training.outcome.model.epsilon())
+        {
             trust.results.details.push(Block::Text(format!("- {words}.\n")));
         }
         for note in &problem.notes {

@@ -243,10 +243,13 @@ impl FitNote {
         }
     }
 
-    /// The note on ε below 0, where there are some.
-    pub fn of_negative_epsilons(pairs: &Pairs) -> Option<Self> {
+    /// The note on ε below 0, where there are some: of the pairs of a family, or the one of all pairs.
+    pub fn of_negative_epsilons(pairs: &Pairs, epsilon: f64) -> Option<Self> {
         let below = pairs.conditions().iter().filter(|condition| condition.epsilon < 0.0);
-        let count = below.map(|condition| condition.pairs).sum();
+        let count = match pairs.conditions() {
+            [] if epsilon < 0.0 => pairs.len(),
+            _ => below.map(|condition| condition.pairs).sum(),
+        };
         (count > 0).then(|| Self::NegativeEpsilons(count, pairs.len()))
     }
 }
@@ -380,7 +383,12 @@ impl Fit {
                 return Err(Error::NoCircleAction { found, columns: Some(order) });
             }
         }
-        let found = format!("none for sure: {}", trial.describe());
+        let few = if pairs.len() < ActionTrial::FEWEST {
+            format!(" of fewer than {} pairs", ActionTrial::FEWEST)
+        } else {
+            String::new()
+        };
+        let found = format!("none for sure{few}: {}", trial.describe());
         Err(Error::NoCircleAction { found, columns: None })
     }
 
@@ -562,7 +570,7 @@ impl Fit {
         let family = Family::new(self, &data);
         let epsilon = family.epsilon;
         let pairs = data.pairs.with_conditions(|condition| family.place(condition));
-        notes.extend(FitNote::of_negative_epsilons(&pairs));
+        notes.extend(FitNote::of_negative_epsilons(&pairs, epsilon));
         let network = match &self.network {
             Some(network) => network.clone(),
             None => self.choose(&pairs, &action, &mut notes)?,

@@ -12,6 +12,7 @@ use crate::measure::{
 };
 use crate::network::Rollout;
 use crate::words::{factor, magnitude, percent, plane_name};
+use std::collections::BTreeSet;
 use std::fmt::{Display, Formatter};
 
 /// The largest number of orbits that are followed, from held-out points.
@@ -58,6 +59,32 @@ pub fn limit(loss: f64, validation: Option<f64>, history: &[TrainingRecord]) -> 
     }
 }
 
+/// How many held-out pairs have an input, bit for bit, that a training pair of the same map has.
+fn repeated_inputs(training: &Pairs, held_out: &Pairs) -> usize {
+    let inputs = |pairs: &Pairs| -> Vec<Vec<u64>> {
+        let rows = pairs.runs().into_iter().flat_map(|(condition, input, _)| {
+            let of = condition.map(|c| [&[c.epsilon, c.time], &c.controls[..]].concat());
+            let of = of.unwrap_or_default();
+            let row =
+                move |z: &[f64]| [z, &of[..]].concat().into_iter().map(f64::to_bits).collect();
+            input.chunks_exact(2 * pairs.dof()).map(row).collect::<Vec<_>>()
+        });
+        rows.collect()
+    };
+    let known: BTreeSet<Vec<u64>> = inputs(training).into_iter().collect();
+    inputs(held_out).iter().filter(|row| known.contains(*row)).count()
+}
+
+/// The share of the images of pairs that are outside the box of their inputs.
+fn share_beyond_inputs(pairs: &Pairs) -> f64 {
+    let dim = 2 * pairs.dof();
+    let Some(inputs) = Region::around(dim, [pairs.input()]) else { return 0.0 };
+    let around = inputs.with_margin();
+    let rows = pairs.output().chunks_exact(dim);
+    let outside = rows.filter(|z| around.first_outside(z).is_some()).count();
+    outside as f64 / pairs.len() as f64
+}
+
 /// What limits a training that is at rest.
 fn at_rest(validation: Option<f64>) -> Limit {
     if validation.is_some() { Limit::Network } else { Limit::Unknown }
@@ -68,7 +95,8 @@ impl Limit {
     pub fn words(self) -> &'static str {
         match self {
             Self::Data => {
-                "the data: the held-out error is far above the loss; more pairs, or a smaller network"
+                "the data: the held-out error is far above the loss; more pairs (where there are controls, of more \
+                 values), or a smaller network"
             }
             Self::Iterations => "the iterations: the loss was still falling",
             Self::Network => {
@@ -280,6 +308,7 @@ impl Judgement {
 
         let (mut no, mut long, mut care) = (Vec::new(), Vec::new(), Vec::new());
         let mut first = None;
+        let repeated = held_out.map_or(0, |held_out| repeated_inputs(pairs, held_out));
         match held_out.map(Pairs::len) {
             None => {
                 first = Some(
@@ -295,6 +324,16 @@ impl Judgement {
                     Self::FEWEST
                 ));
             }
+            Some(held) if held - repeated < Self::FEWEST => {
+                first = Some(format!(
+                    "only {} of {held} held-out pairs have inputs that no training pair has: a verdict takes {}",
+                    held - repeated,
+                    Self::FEWEST
+                ));
+            }
+            Some(held) if 2 * repeated >= held => care.push(format!(
+                "{repeated} of {held} held-out pairs have the input of a training pair: their errors say little"
+            )),
             _ => {}
         }
         no.extend(first.clone());
@@ -343,6 +382,14 @@ impl Judgement {
             let validation = outcome.best.validation.unwrap_or(f64::NAN);
             let ratio = factor(validation / outcome.loss);
             care.push(format!("the held-out error is {ratio} the loss"));
+        }
+        let beyond = share_beyond_inputs(pairs);
+        if beyond >= 0.5 {
+            care.push(format!(
+                "{} of the images are outside the box of the inputs, where no pair says what the map does: \
+                 orbits that go there are guessed",
+                percent(beyond)
+            ));
         }
         let fault = own.as_ref().and_then(OwnInvariance::fault);
         care.extend(fault);

@@ -111,9 +111,29 @@ fn a_polynomial_is_fitted_predicts_and_is_certified() {
     let stopped = call(path, &[&words[..], &["--steps", "2", "--outside", "stop"]].concat());
     assert!(stopped.status.code() == Some(1) && !path.join("no.npy").exists());
     // Far from them the polynomial has no image.
-    write_points(&path.join("lost.npy"), &[1, 2], &[1e200, 0.0]).expect("written");
-    let words = ["predict", "--model", "map.json", "--input", "lost.npy", "--output", "no.npy"];
-    refuses(path, &[&words[..], &["--steps", "5"]].concat(), &["map.json", "row 0"]);
+    write_points(&path.join("lost.npy"), &[2, 2], &[1e200, 0.0, 0.2, 0.1]).expect("written");
+    let words = ["predict", "--model", "map.json", "--input", "lost.npy", "--output"];
+    let lost = |more: &[&str]| call(path, &[&words[..], more, &["--steps", "5"]].concat());
+    let said = lost(&["lost-5.npy"]);
+    let note = text(&said.stderr);
+    assert!(said.status.success() && note.contains("no image") && note.contains("row 0"), "{note}");
+    let states = last_numbers(&path.join("lost-5.npy"), 4);
+    assert!(states[0].is_nan() && states[1].is_nan() && states[2..].iter().all(|v| v.is_finite()));
+    assert_eq!(lost(&["no.npy", "--outside", "stop"]).status.code(), Some(1));
+    assert!(!path.join("no.npy").exists());
+    // What was lost elsewhere too is left out of a comparison, and nothing else.
+    let same = lost(&["same.npy", "--compare", "lost-5.npy"]);
+    assert!(text(&same.stdout).contains("0.00e0 at most, without 1 that are lost"), "{same:?}");
+    write_points(&path.join("spoilt.npy"), &[2, 1, 2], &[f64::NAN, 0.0, 0.1, 0.1])
+        .expect("written");
+    let compare = ["predict", "--model", "map.json", "--input", "far.npy", "--output", "no.npy"];
+    let compare = [&compare[..], &["--steps", "1", "--compare", "spoilt.npy"]].concat();
+    refuses(path, &compare, &["spoilt.npy", "state 0 of trajectory 0"]);
+    // More states than there is room for.
+    let words = ["predict", "--model", "map.json", "--input", "z.npy", "--output", "huge.npy"];
+    for steps in ["9000000000000000000", "40000000000000"] {
+        refuses(path, &[&words[..], &["--steps", steps]].concat(), &["states to keep", "fewer"]);
+    }
 
     let verified = succeeds(path, &["verify", "--model", "map.json", "--report", "page.html"]);
     let shown = text(&verified.stdout);

@@ -148,7 +148,13 @@ impl std::str::FromStr for NobleNumber {
             let listed: Vec<&str> = rest.split(',').map(str::trim).collect();
             let Some(("(1)", quotients)) = listed.split_last().map(|(last, all)| (*last, all))
             else {
-                return wrong(", which is rational: it does not end in (1)");
+                let why = match inner.contains('(') {
+                    true => {
+                        ", which does not end in (1), the only period that there is a theorem for here"
+                    }
+                    false => ", which is rational: it does not end in (1)",
+                };
+                return wrong(why);
             };
             let quotients: Result<Vec<u32>, _> = quotients.iter().map(|a| a.parse()).collect();
             return match (whole.trim(), quotients) {

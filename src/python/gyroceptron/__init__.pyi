@@ -174,7 +174,7 @@ class Model:
         low: Sequence[float] | None = None,
         high: Sequence[float] | None = None,
     ) -> NDArray[np.int64]:
-        """The number of steps after which each orbit leaves a box, or steps + 1 if it stays."""
+        """The number of steps after which each orbit leaves a box, 0 if it begins outside, steps + 1 if it stays."""
     def dynamic_aperture(
         self,
         centre: ArrayLike,
@@ -352,7 +352,7 @@ class SymplecticPolynomial:
         low: Sequence[float] | None = None,
         high: Sequence[float] | None = None,
     ) -> NDArray[np.int64]:
-        """The number of steps after which each orbit is outside of a box, steps + 1 for those that stay."""
+        """The number of steps after which each orbit is outside of a box, 0 at the start, steps + 1 for those that stay."""
     def dynamic_aperture(
         self,
         centre: ArrayLike,
@@ -432,7 +432,7 @@ class FieldLines:
     def survival(
         self, points: ArrayLike, maps: int, low: Sequence[float], high: Sequence[float]
     ) -> NDArray[np.int64]:
-        """The number of maps after which each line is outside of a box, maps + 1 for those that stay."""
+        """The number of maps after which each line is outside of a box, 0 at the start, maps + 1 for those that stay."""
     def lyapunov_exponent(self, point: ArrayLike, steps: int) -> float:
         """The finite-time Lyapunov exponent of the orbit from `point`, per step."""
     def alignment_index(self, point: ArrayLike, steps: int) -> float:
