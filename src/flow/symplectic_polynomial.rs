@@ -10,6 +10,7 @@ use crate::network::{Rollout, load_groups, store_groups};
 use crate::phase::{Half, Map, inverse_of_symplectic};
 use crate::random::Stream;
 use crate::scalar::{Kernel, Pack, Scalar, max_or_nan, on_independent_lanes};
+use crate::stopping::is_stopped;
 use faer::Mat;
 use faer::linalg::solvers::DenseSolveCore;
 use rayon::prelude::*;
@@ -413,6 +414,9 @@ impl SymplecticPolynomial {
         let share = 1.0 / libm::sqrt(dim as f64);
         let mut out = Vec::with_capacity(count * dim);
         for _ in 0..count.saturating_mul(TRIES) {
+            if is_stopped() {
+                return Err(Error::Stopped { what: "samples".into() });
+            }
             let u: Vec<f64> = (0..dim)
                 .map(|k| box_of.centre()[k] + stream.uniform(-share, share) / box_of.factors[k])
                 .collect();

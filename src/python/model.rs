@@ -321,8 +321,8 @@ impl Model {
         array(py, values, points.shape(&[], &[]))
     }
 
-    /// The number of steps after which each orbit from `points`, (..., 2n), is outside of a box for the first time, or
-    /// `steps` + 1 if it stays inside: (...), integers. The box from `low` to `high`, 2n numbers each, is that of the
+    /// The number of steps after which each orbit from `points`, (..., 2n), is outside of a box for the first time, 0 if
+    /// it begins outside, or `steps` + 1 if it stays inside: (...), integers. The box from `low` to `high`, 2n numbers each, is that of the
     /// training points unless given. Raises Error as `predict`, but for orbits that are lost, and where no box is
     /// known.
     #[pyo3(signature = (points, steps, low=None, high=None))]

@@ -243,7 +243,8 @@ impl PySymplecticPolynomial {
     }
 
     /// As `Model.survival`: the number of steps after which each orbit from `points`, (..., 2n), is outside of the box
-    /// from `low` to `high` for the first time, or `steps` + 1 if it stays inside: (...), integers.
+    /// from `low` to `high` for the first time, 0 if it begins outside, or `steps` + 1 if it stays inside: (...),
+    /// integers.
     #[pyo3(signature = (points, steps, low=None, high=None))]
     fn survival<'py>(
         &self,

@@ -117,6 +117,16 @@ def test_the_certificate_of_a_polynomial(of_a_plane):
     assert interrupted_after(0.2, lambda: of_a_plane["polynomial"].verify(samples=50_000)) < 1.0
 
 
+def test_many_samples_of_a_polynomial(of_a_plane):
+    assert interrupted_after(0.3, lambda: of_a_plane["polynomial"].verify(samples=4_000_000)) < 1.0
+
+
+def test_distances_from_a_circle(of_a_plane):
+    phase = 0.7 * np.arange(3000)
+    circle = gyroceptron.InvariantCircle(np.stack([np.cos(phase), np.sin(phase)], axis=1), 0.7 / (2 * np.pi))
+    assert interrupted_after(0.3, lambda: circle.distances(np.resize(INNER, (4_000_000, 2)))) < 1.0
+
+
 def test_proofs(of_a_plane, tmp_path):
     model, file = of_a_plane["model"], tmp_path / "proof.json"
     # What is computed of all points of a curve at once takes long without optimisation.

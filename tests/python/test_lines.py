@@ -459,3 +459,22 @@ def test_a_symplectic_polynomial_is_fitted_in_the_chart_of_a_section(lines, tmp_
         own.predict([1.0, 0.0])
     with pytest.raises(gyroceptron.Error, match="missing.npz"):
         gyroceptron.SymplecticPolynomial(before, after, 9, section=tmp_path / "missing.npz")
+
+
+def test_orbits_that_a_polynomial_loses_are_told():
+    """Between states that are kept, too; and starts outside of a box have not survived."""
+    angle = 2 * np.pi * 0.2114
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    before = np.random.default_rng(0).uniform(-0.7, 0.7, (1500, 2))
+    after = np.stack([before[:, 0], before[:, 1] + before[:, 0] ** 2], axis=1) @ turn
+    henon = gyroceptron.SymplecticPolynomial(before, after, 12)
+    start = [[0.1, 0.1], [0.69, 0.69]]
+    with pytest.warns(UserWarning, match="rows 1, the first from row 1 after 100 steps: it and all later ones are NaN"):
+        states = henon.predict(start, 400, every=100)
+    assert np.isfinite(states[:, 0]).all() and np.isnan(states[1:, 1]).all()
+    with pytest.raises(gyroceptron.Error, match="no image"):
+        henon.predict(start, 400, every=100, outside="stop")
+    assert henon.survival([[0.75, -0.3], [0.1, 0.1]], 2, [-0.7, -0.7], [0.7, 0.7]).tolist() == [0, 3]
+    assert henon.dynamic_aperture([0, 0], [[1, 0]], [0.1, 0.2, 0.72], 1, [-0.7, -1], [0.7, 1]).tolist() == [0.2]
+    with pytest.raises(gyroceptron.Error, match="states to keep"):
+        henon.predict(np.full((1000, 2), 0.1), 2**62)
