@@ -285,8 +285,8 @@ def test_lines_are_followed_backwards_and_until_they_leave(lines):
     low, high = np.array(lines.axis) - [0.05, 0.2], np.array(lines.axis) + [0.05, 0.2]
     found = lines.survival(start, 40, list(low), list(high))
     states = lines.trace(start, 40)
-    outside = ((states < low) | (states > high)).any(axis=2)[1:]
-    first = [1 + np.argmax(one) if one.any() else 41 for one in outside.T]
+    outside = ((states < low) | (states > high)).any(axis=2)
+    first = [np.argmax(one) if one.any() else 41 for one in outside.T]
     assert found.dtype == np.int64 and found.tolist() == first
     assert found[0] == 41 and 1 < found[3] < 41
     with pytest.raises(gyroceptron.Error, match="low"):
