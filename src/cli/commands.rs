@@ -351,6 +351,12 @@ fn import(arguments: &Import) -> Result<Status, Error> {
             let time = time.unwrap_or(own.flow_time);
             assemble_architecture(&place, tensors, own.at_epsilon(epsilon).of_time(time))?
         }
+        Some(own) if !own.circles.is_empty() => {
+            let circles = own.circles.iter().map(ToString::to_string).collect::<Vec<_>>();
+            let expected =
+                format!("{}, of which {place} says that its weights are", circles.join("/"));
+            return Err(Error::invalid("--circle-action", &arguments.circle_action, expected));
+        }
         _ => assemble_weights(&place, tensors, &action, epsilon, time).map_err(|e| match e {
             Error::Invalid { ref name, .. } if name == "flow_time" => e.with_place("--flow-time"),
             other => other,

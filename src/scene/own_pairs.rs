@@ -124,7 +124,7 @@ impl NextStep {
     /// The reason for this step, in words.
     fn reason(self) -> String {
         match self {
-            Self::Predict => "the model can be used within the box of the pairs".into(),
+            Self::Predict => "the model can be used among the inputs of the pairs".into(),
             Self::NormalForm => {
                 "the circle action turns the planes of the data, where a normal form learns more \
                  and keeps its invariant exactly"

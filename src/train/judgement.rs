@@ -196,9 +196,9 @@ pub enum AreaDefect {
 /// The verdict that follows from reasons against a plain yes.
 fn verdict(no: &[String], long: &[String], care: &[String]) -> &'static str {
     match (no.is_empty(), long.is_empty(), care.is_empty()) {
-        (true, true, true) => "yes, within the box of the pairs",
-        (true, true, false) => "with care, within the box of the pairs",
-        (true, false, _) => "for single steps within the box of the pairs, not for long orbits",
+        (true, true, true) => "yes, among the inputs of the pairs",
+        (true, true, false) => "with care, among the inputs of the pairs",
+        (true, false, _) => "for single steps among the inputs of the pairs, not for long orbits",
         (false, ..) => "no",
     }
 }

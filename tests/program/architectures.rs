@@ -101,6 +101,10 @@ fn a_normal_form_is_trained_and_keeps_its_action() {
             succeeds(path, &[&import[..], &["--flow-time", &time]].concat());
         } else {
             succeeds(path, &import);
+            let other =
+                ["import", "--weights", weights, "--circle-action", "0,1", "--epsilon", "0.01"];
+            let other = [&other[..], &["--output", "other.json"]].concat();
+            refuses(path, &other, &["--circle-action: expected 1,0", weights, "found 0,1"]);
         }
         let back = load_model(&path.join("back.json")).expect("a model").model;
         assert_eq!(back.architecture(), stored.model.architecture());

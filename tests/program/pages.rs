@@ -212,9 +212,9 @@ fn a_page_is_as_sure_as_its_verdict() {
             .map(str::to_owned)
     };
     for (text, expected) in [
-        ("**yes, within the box of the pairs**: a", " holds"),
-        ("**with care, within the box of the pairs**: a", ""),
-        ("**for single steps within the box of the pairs, not for long orbits**: a", ""),
+        ("**yes, among the inputs of the pairs**: a", " holds"),
+        ("**with care, among the inputs of the pairs**: a", ""),
+        ("**for single steps among the inputs of the pairs, not for long orbits**: a", ""),
         ("**no**: a", " fails"),
     ] {
         assert_eq!(

@@ -207,8 +207,8 @@ fn pairs_that_keep_no_area_are_told() {
     }
     // With weights that err little the verdict is on single steps.
     for (section, expected) in [
-        ("uniform.npz", "for single steps within the box of the pairs, not for long orbits"),
-        ("section.npz", "yes, within the box of the pairs"),
+        ("uniform.npz", "for single steps among the inputs of the pairs, not for long orbits"),
+        ("section.npz", "yes, among the inputs of the pairs"),
     ] {
         let more = ["--section", section, "--overwrite", "--output", "model.json"];
         let said = text(&succeeds(folder, &train(&more)).stdout);
