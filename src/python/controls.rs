@@ -111,7 +111,7 @@ pub(super) fn orbit_response<'py>(
         let response = stored.orbit_response(values, &orbit)?;
         Ok::<_, Error>((orbit, response))
     })?;
-    let found = super::orbits::as_dict(py, orbit)?;
+    let found = super::orbits::as_dict(py, orbit, stored.provenance.region.as_ref())?;
     found.set_item("moved", array(py, response.moved, vec![2 * dof, values.len()])?)?;
     found.set_item("trace_by", array(py, response.traces, vec![values.len()])?)?;
     Ok(found)

@@ -26,6 +26,11 @@ pub(super) trait OrbitMap: Sync {
     /// Whether points are those of a section, whose canonical position is the second of their numbers.
     fn on_section(&self) -> bool;
 
+    /// The box of the pairs that the map is fitted to, where it is of pairs and is known.
+    fn region(&self) -> Option<&Region> {
+        None
+    }
+
     /// The image of a point, and the Jacobian there.
     fn with_jacobian(&self, z: &[f64]) -> Result<ImageAndJacobian, Error>;
 
@@ -40,6 +45,9 @@ impl OrbitMap for StoredModel {
     }
     fn on_section(&self) -> bool {
         self.section.is_some()
+    }
+    fn region(&self) -> Option<&Region> {
+        self.provenance.region.as_ref()
     }
     fn with_jacobian(&self, z: &[f64]) -> Result<(Vec<f64>, Vec<f64>), Error> {
         let image = self.rollout(z, Rollout { steps: 1, every: 1 })?.split_off(z.len());
@@ -82,12 +90,21 @@ pub(super) fn following<T: Send>(
     })
 }
 
-pub(super) fn as_dict<'py>(py: Python<'py>, orbit: PeriodicOrbit) -> PyResult<Bound<'py, PyDict>> {
+pub(super) fn as_dict<'py>(
+    py: Python<'py>,
+    orbit: PeriodicOrbit,
+    region: Option<&Region>,
+) -> PyResult<Bound<'py, PyDict>> {
     let (period, dim) = (orbit.period(), orbit.points[0].len());
+    let inside = region.map(|region| {
+        let around = region.with_margin();
+        orbit.points.iter().all(|z| around.first_outside(z).is_none())
+    });
     let found = PyDict::new(py);
     found.set_item("trace", orbit.trace())?;
     found.set_item("residue", orbit.residue())?;
     found.set_item("missed", orbit.missed)?;
+    found.set_item("inside", inside)?;
     found.set_item("points", array(py, orbit.points.concat(), vec![period, dim])?)?;
     found.set_item("multiplier", array(py, orbit.multiplier_matrix, vec![dim, dim])?)?;
     Ok(found)
@@ -106,11 +123,15 @@ pub(super) fn periodic_orbits_of<'py>(
     let guesses: Vec<Vec<f64>> = guesses.chunks_exact(2 * dof).map(<[f64]>::to_vec).collect();
     let found =
         stoppable(py, |stop| periodic_orbits(&until_stopped(map, stop), &guesses, period, apart))?;
-    as_list(py, found)
+    as_list(py, found, map.region())
 }
 
-fn as_list(py: Python<'_>, orbits: Vec<PeriodicOrbit>) -> PyResult<Bound<'_, PyList>> {
-    let all = orbits.into_iter().map(|orbit| as_dict(py, orbit));
+fn as_list<'py>(
+    py: Python<'py>,
+    orbits: Vec<PeriodicOrbit>,
+    region: Option<&Region>,
+) -> PyResult<Bound<'py, PyList>> {
+    let all = orbits.into_iter().map(|orbit| as_dict(py, orbit, region));
     PyList::new(py, all.collect::<PyResult<Vec<_>>>()?)
 }
 
@@ -130,7 +151,7 @@ pub(super) fn symmetric_orbits_of<'py>(
     let line = SymmetryLine { reversor, ..line };
     let found =
         stoppable(py, |stop| symmetric_periodic_orbits(&until_stopped(map, stop), &line, period))?;
-    as_list(py, found)
+    as_list(py, found, map.region())
 }
 
 /// The island around an elliptic periodic orbit, as `Model.island` returns it.

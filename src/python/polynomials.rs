@@ -7,7 +7,7 @@ use super::orbits::{self, OrbitMap};
 use super::outside::{Outside, box_of, survived};
 use super::trained::warn;
 use crate::error::Error;
-use crate::flow::{Pairs, PolynomialOnSection, SectionExit, Symmetries};
+use crate::flow::{Pairs, PolynomialOnSection, Region, SectionExit, Symmetries};
 use crate::io::{
     Provenance, StoredPolynomial, load_polynomial, parse_polynomial, polynomial_text, read_section,
     save_polynomial,
@@ -70,6 +70,9 @@ impl OrbitMap for PolynomialOnSection {
     }
     fn on_section(&self) -> bool {
         self.has_section()
+    }
+    fn region(&self) -> Option<&Region> {
+        Some(self.region())
     }
     fn with_jacobian(&self, z: &[f64]) -> Result<(Vec<f64>, Vec<f64>), Error> {
         self.check_points("points", z)?;

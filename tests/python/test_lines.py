@@ -478,3 +478,8 @@ def test_orbits_that_a_polynomial_loses_are_told():
     assert henon.dynamic_aperture([0, 0], [[1, 0]], [0.1, 0.2, 0.72], 1, [-0.7, -1], [0.7, 1]).tolist() == [0.2]
     with pytest.raises(gyroceptron.Error, match="states to keep"):
         henon.predict(np.full((1000, 2), 0.1), 2**62)
+    # The axis, and the fixed point of the map at q = 2 tan(angle/2), which is beyond the pairs.
+    guesses = [[0.01, 0.0], [1.5, -1.2]]
+    found = henon.periodic_orbits(guesses)
+    assert [orbit["inside"] for orbit in found] == [True, False]
+    assert gyroceptron.FieldLines().periodic_orbits([[3.95, 0.0]])[0]["inside"] is None

@@ -61,6 +61,7 @@ class _PeriodicOrbit(TypedDict):
     trace: float
     residue: float
     missed: float
+    inside: bool | None
 
 class Certificate:
     """The measured structure of a model, `Model.verify`."""
