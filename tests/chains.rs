@@ -247,4 +247,10 @@ fn what_nearly_closes_is_no_orbit() {
     let found = periodic_orbits(&map, &grid.collect::<Vec<_>>(), 9, 1e-6).expect("a scan");
     let most = found.iter().map(|orbit| orbit.missed).fold(0.0, max_or_nan);
     assert!(most < 1e-11, "{most:e}");
+    // What is wide enough is found all the same, stable or not.
+    for (guess, period, trace) in [([0.1, 0.1], 1, 2.5), ([3.0, 0.1], 1, 1.5)] {
+        let orbit = periodic_orbit(&map, &guess, period).expect("an orbit");
+        let found = orbit.multiplier_matrix[0] + orbit.multiplier_matrix[3];
+        assert!((found - trace).abs() < 1e-9 && orbit.period() == period, "{guess:?}: {found}");
+    }
 }

@@ -13,6 +13,7 @@ use gyroceptron::measure::{
 };
 use gyroceptron::network::{HenonShape, InitialWeights, Rollout};
 use gyroceptron::random::Stream;
+use gyroceptron::scene::NextStep;
 use gyroceptron::train::{ActionFit, Fit, Loss, Objective, Orbits, fit_rotation};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -276,6 +277,16 @@ fn repeated_pairs_and_images_beyond_the_inputs_are_told() {
         let judgement = fit.run(pairs).expect("trains").judgement().expect("a judgement");
         (judgement.no.join("; "), judgement.care.join("; "))
     };
+    let step = |input: Vec<f64>, strength: f64| {
+        let output = standard(strength, &input);
+        let pairs = Pairs::new("standard", 1, input, output).expect("pairs");
+        let action = Some(CircleAction::new([1]).into());
+        let mut fit = Fit { action, ..Fit::default() }.with_iterations(20);
+        fit.training.starts = None;
+        let fitted = fit.run(pairs).expect("trains");
+        NextStep::of(&fitted, &fitted.judgement().expect("a judgement"))
+    };
+    assert_eq!(step(points(40, &mut stream).repeat(15), 0.3), NextStep::DistinctPairs);
     let (_, care) = judged(points(600, &mut stream), 3.0);
     assert!(care.contains("of the images are outside the box of the inputs"), "{care}");
     let (no, care) = judged(points(600, &mut stream), 0.3);

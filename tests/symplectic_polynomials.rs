@@ -6,12 +6,14 @@ use gyroceptron::layer::Reversor;
 use gyroceptron::measure::certificate::{
     CertificateOptions, Verdict, certify_map, certify_polynomial,
 };
+use gyroceptron::measure::internals::unless_stopped;
 use gyroceptron::measure::{Coordinate, OneStep, WithDomain};
 use gyroceptron::network::Rollout;
 use gyroceptron::phase::Map;
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::{Over, Scalar, max_or_nan};
 use gyroceptron::train::{Control, FitNote, FittedPolynomial, PolynomialFit, PolynomialTrial};
+use std::time::{Duration, Instant};
 
 /// A turn of each plane before and after a kick by a function of all q that is even in q₂: reversible, and the same
 /// after a reflection of the second plane.
@@ -428,5 +430,18 @@ impl<S: Scalar + Over<f64>> Map<S> for Mutant<'_> {
             z[3] = z[3].times(1.0 / (1.0 - self.friction));
             self.map.inverse(z);
         }
+    }
+}
+
+/// A certificate that is stopped in the middle of any of its laws ends.
+#[test]
+fn certificates_of_polynomials_can_be_stopped() {
+    let map = SymplecticPolynomial::fit(&pairs_of(1, 800, kicked), 6).expect("a map");
+    let options = CertificateOptions { samples: 200_000, ..CertificateOptions::default() };
+    for milliseconds in [1, 60, 120, 180, 300] {
+        let begin = Instant::now();
+        let go_on = move || begin.elapsed() < Duration::from_millis(milliseconds);
+        assert!(unless_stopped(go_on, || certify_polynomial(&map, options)).is_none());
+        assert!(begin.elapsed() < Duration::from_secs(5), "{:?}", begin.elapsed());
     }
 }

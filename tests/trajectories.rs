@@ -541,7 +541,7 @@ fn flows_can_be_stopped() {
     let stops = move || begin.elapsed() < Duration::from_millis(60);
     let many = points.repeat(100);
     let of = |made: Result<(), gyroceptron::Error>| made.expect_err("it was stopped").to_string();
-    let endless: [&dyn Fn() -> String; 4] = [
+    let endless: [&dyn Fn() -> String; 5] = [
         &|| {
             of(splitting
                 .trajectories(&System::Oscillators(system), &many, far, 1 << 16, 1)
@@ -549,6 +549,12 @@ fn flows_can_be_stopped() {
         },
         &|| of(ReferenceTrajectories::of_flow(&system, few, 10.0, 1 << 20).map(drop)),
         &|| of(Pairs::of_flow(&system, many.clone(), 500.0).map(drop)),
+        // Of few points, interval after interval.
+        &|| {
+            of(splitting
+                .trajectories(&System::Oscillators(system), few, 1.0, 1 << 12, 1 << 20)
+                .map(drop))
+        },
         &|| of(Pairs::of_flow(&system, few.to_vec(), 4e3).map(drop)),
     ];
     for (number, flow) in endless.iter().enumerate() {

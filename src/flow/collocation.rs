@@ -5,7 +5,7 @@ use super::gauss::MAXIMUM;
 use super::numerical_method::NumericalMethod;
 use super::request::{Request, at_pace, store_states};
 use crate::error::Error;
-use crate::network::{Pace, load_groups};
+use crate::network::load_groups;
 use crate::scalar::{Kernel, Pack, WIDTH, on_independent_lanes};
 use crate::system::{Hamiltonian, System, each_system};
 use rayon::prelude::*;
@@ -20,24 +20,13 @@ impl GaussLegendre {
         request: Request,
     ) -> Result<Vec<f64>, Error> {
         let dim = 2 * system.dof();
-        let evaluations = (initial.len() / dim).saturating_mul(request.steps);
-        at_pace(|pace| {
-            let mut left = request.kept;
-            let mut next = |pace: &Pace<'_>| {
-                let kept = pace.part(evaluations).min(left);
-                left -= kept;
-                (kept > 0).then_some(Request { kept, ..request })
-            };
-            let first = next(pace).unwrap_or(request);
-            let mut states = first.run(system, initial, &self.by_blocks(system, first))?;
-            let mut last = first.kept;
-            while let Some(part) = next(pace) {
-                pace.pause("flow", evaluations.saturating_mul(last))?;
-                let from = states[states.len() - initial.len()..].to_vec();
-                states.extend(part.run_blocks(dim, &from, &self.by_blocks(system, part))?);
-                last = part.kept;
+        request.in_parts(dim, initial, &|request, initial, is_first| {
+            let each = self.by_blocks(system, request);
+            if is_first {
+                request.run(system, initial, &each)
+            } else {
+                request.run_blocks(dim, initial, &each)
             }
-            Ok(states)
         })
     }
 
@@ -58,17 +47,23 @@ impl GaussLegendre {
         request: Request,
     ) -> Result<(), Error> {
         let dim = 2 * system.dof();
-        let evaluations = request.steps.saturating_mul(request.kept);
         at_pace(|pace| {
             let mut rest = points;
             while !rest.is_empty() {
                 let together = WIDTH * rayon::current_num_threads();
-                let count = pace.part(evaluations).min(rest.len() / dim);
+                let count = pace.part(request.steps).min(rest.len() / dim);
                 let size = (count.next_multiple_of(together) * dim).min(rest.len());
                 let (here, after) = std::mem::take(&mut rest).split_at_mut(size);
-                here.par_chunks_mut(WIDTH * dim)
-                    .try_for_each(|points| self.move_block(system, points, request, &mut []))?;
-                pace.pause("flow", (size / dim).saturating_mul(evaluations))?;
+                let evaluations = (size / dim).saturating_mul(request.steps);
+                let mut left = request.kept;
+                while left > 0 {
+                    let kept = pace.part(evaluations).min(left);
+                    let part = Request { kept, ..request };
+                    here.par_chunks_mut(WIDTH * dim)
+                        .try_for_each(|points| self.move_block(system, points, part, &mut []))?;
+                    pace.pause("flow", evaluations.saturating_mul(kept))?;
+                    left -= kept;
+                }
                 rest = after;
             }
             Ok(())

@@ -3,7 +3,7 @@
 use super::Pairs;
 use super::request::{TOGETHER, at_pace};
 use crate::error::Error;
-use crate::network::{Rollout, load_groups, store_groups};
+use crate::network::{Pace, Rollout, load_groups, store_groups};
 use crate::scalar::{Dual, Kernel, Pack, Scalar, WIDTH, on_independent_lanes};
 use rayon::prelude::*;
 
@@ -39,9 +39,9 @@ pub(super) fn step<S: Scalar>(map: &impl LaneMap, z: &mut [S]) {
 pub(super) fn error_on(map: &impl LaneMap, pairs: &Pairs) -> f64 {
     let dim = map.dim();
     assert!(2 * pairs.dof() == dim);
-    let request = Rollout { steps: 1, every: 1 };
-    let images = rollout(map, pairs.input(), request).expect("whole points");
-    distance(images[pairs.input().len()..].chunks_exact(dim), pairs)
+    let mut images = pairs.input().to_vec();
+    move_all(map, &mut images).expect("whole points");
+    distance(images.chunks_exact(dim), pairs)
 }
 
 /// The root mean square distance of these images from those of pairs.
@@ -89,64 +89,93 @@ impl<M: LaneMap> Kernel for Derivatives<'_, M> {
     }
 }
 
-/// Room for the states of a roll-out, `times` of which there is room for.
+/// Room for the states of a roll-out.
 ///
 /// # Errors
-/// When there is not.
-pub(super) fn room_for_states(
-    initial: &[f64],
-    request: Rollout,
-    times: usize,
-) -> Result<Vec<f64>, Error> {
+/// When there is not, with as much beside it.
+pub(super) fn room_for_states(initial: &[f64], request: Rollout) -> Result<Vec<f64>, Error> {
     let kept = (request.steps / request.every).saturating_add(1);
     let too_many = || {
         Error::invalid("states to keep", format!("{kept} of {} numbers", initial.len()), "fewer")
     };
     let size = kept.checked_mul(initial.len()).ok_or_else(too_many)?;
-    let mut out = Vec::new();
-    out.try_reserve_exact(size.checked_mul(times).ok_or_else(too_many)?).map_err(|_| too_many())?;
-    out.shrink_to(size);
+    let [mut out, mut beside] = [Vec::new(), Vec::new()];
+    for room in [&mut out, &mut beside] {
+        room.try_reserve_exact(size).map_err(|_| too_many())?;
+    }
     Ok(out)
 }
 
 /// The states of an orbit of each initial point, as a network's [`rollout`](crate::network::rollout) gives them:
-/// (steps/every + 1, M, 2n), the first being the initial points.
+/// (steps/every + 1, M, 2n), the first being the initial points. It ends between parts where the thread may be stopped.
 pub(super) fn rollout(
     map: &impl LaneMap,
     initial: &[f64],
     request: Rollout,
 ) -> Result<Vec<f64>, Error> {
+    check_rollout(map, initial, request)?;
+    let (dim, row) = (map.dim(), initial.len());
+    at_pace(|pace| {
+        let together = TOGETHER * WIDTH * rayon::current_num_threads();
+        let next = |pace: &Pace<'_>, left: usize| {
+            let points = pace.part(request.steps).min(left / dim);
+            (points.next_multiple_of(together) * dim).min(left)
+        };
+        let mut size = next(pace, row);
+        if size == row {
+            return Ok(unbroken(map, initial, request));
+        }
+        let states = request.steps / request.every + 1;
+        let (mut out, mut first) = (vec![0.0; states * row], 0);
+        while first < row {
+            let part = unbroken(map, &initial[first..first + size], request);
+            for (t, of_part) in part.chunks_exact(size).enumerate() {
+                out[t * row + first..][..size].copy_from_slice(of_part);
+            }
+            pace.pause("roll-out", (size / dim).saturating_mul(request.steps))?;
+            first += size;
+            size = next(pace, row - first);
+        }
+        Ok(out)
+    })
+}
+
+fn check_rollout(map: &impl LaneMap, initial: &[f64], request: Rollout) -> Result<(), Error> {
     Error::check_rows("initial points", initial.len(), map.dim())?;
     Error::check_count_range("every", request.every, 1, usize::MAX)?;
-    let points = initial.len() / map.dim();
     // Each block has room for its own states, beside those of all.
-    let mut out = room_for_states(initial, request, 2)?;
+    room_for_states(initial, request).map(drop)
+}
+
+/// [`rollout`] of what was checked, to its end.
+fn unbroken(map: &impl LaneMap, initial: &[f64], request: Rollout) -> Vec<f64> {
     let states = request.steps / request.every + 1;
-    out.resize(states * initial.len(), 0.0);
-    let (dim, threads) = (map.dim(), rayon::current_num_threads());
-    at_pace(|pace| {
-        let mut done = 0;
-        while done < points {
-            let part = pace.part(request.steps).min(points - done);
-            let blocks: Vec<Vec<f64>> = initial[done * dim..(done + part) * dim]
-                .par_chunks(part.div_ceil(threads) * dim)
-                .map(|initial| on_independent_lanes(Orbits { map, request, initial, states }))
-                .collect();
-            let mut first = done * dim;
-            for of_block in blocks {
-                let row = of_block.len() / states;
-                for t in 0..states {
-                    out[t * initial.len() + first..][..row]
-                        .copy_from_slice(&of_block[t * row..(t + 1) * row]);
-                }
-                first += row;
-            }
-            done += part;
-            pace.pause("roll-out", part.saturating_mul(request.steps))?;
+    let points = initial.len() / map.dim();
+    let mut out = vec![0.0; states * initial.len()];
+    let block = points.div_ceil(rayon::current_num_threads()).max(1) * map.dim();
+    let blocks: Vec<Vec<f64>> = initial
+        .par_chunks(block)
+        .map(|initial| on_independent_lanes(Orbits { map, request, initial, states }))
+        .collect();
+    let mut first = 0;
+    for of_block in blocks {
+        let row = of_block.len() / states;
+        for t in 0..states {
+            out[t * initial.len() + first..][..row]
+                .copy_from_slice(&of_block[t * row..(t + 1) * row]);
         }
-        Ok(())
-    })?;
-    Ok(out)
+        first += row;
+    }
+    out
+}
+
+/// z ← their images, to the end of them all.
+pub(super) fn move_all(map: &impl LaneMap, points: &mut [f64]) -> Result<(), Error> {
+    let request = Rollout { steps: 1, every: 1 };
+    check_rollout(map, points, request)?;
+    let moved = unbroken(map, points, request);
+    points.copy_from_slice(&moved[points.len()..]);
+    Ok(())
 }
 
 /// The orbits of a block of points: (T, M, 2n).

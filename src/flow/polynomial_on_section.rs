@@ -146,7 +146,7 @@ impl PolynomialOnSection {
         let points = initial.len() / (2 * self.map.dof());
         let mut here = initial.to_vec();
         self.section.iter().for_each(|section| section.to_canonical(&mut here));
-        let mut states = room_for_states(initial, request, 1)?;
+        let mut states = room_for_states(initial, request)?;
         states.extend_from_slice(&here);
         let mut kept = request.steps / every;
         while kept > 0 {

@@ -56,13 +56,67 @@ pub(super) struct Request {
 
 impl Request {
     /// By a method on lanes.
-    pub(super) fn step<H: Hamiltonian + Sync>(
+    pub(super) fn step<H: Hamiltonian + Sync, M: Method<H>>(
         &self,
-        method: &impl Method<H>,
+        method: &M,
         system: &H,
         initial: &[f64],
     ) -> Result<Vec<f64>, Error> {
-        self.run(system, initial, &self.in_lanes(method, system))
+        let dim = 2 * system.dof();
+        // Between coordinates of its own and canonical ones a state is rounded.
+        if M::NATURAL {
+            return self.run(system, initial, &self.in_lanes(method, system));
+        }
+        self.in_parts(dim, initial, &|request, initial, is_first| {
+            let each = request.in_lanes(method, system);
+            if is_first {
+                request.run(system, initial, &each)
+            } else {
+                request.run_blocks(dim, initial, &each)
+            }
+        })
+    }
+
+    /// The states of a request, interval after interval where the thread may be stopped between them: `of` gives those
+    /// of a part from its first points, of the first part or of a later one.
+    pub(super) fn in_parts(
+        self,
+        dim: usize,
+        initial: &[f64],
+        of: &dyn Fn(Self, &[f64], bool) -> States,
+    ) -> States {
+        let evaluations = (initial.len() / dim).saturating_mul(self.steps);
+        at_pace(|pace| {
+            let first = pace.part(evaluations).min(self.kept);
+            if first == self.kept {
+                return of(self, initial, true);
+            }
+            let mut room = self.room(dim, initial)?;
+            let (mut left, mut last) = (self.kept, first);
+            while left > 0 {
+                let part = Self { kept: last, ..self };
+                let states = match room.len().checked_sub(initial.len()) {
+                    None => of(part, initial, true)?,
+                    Some(before) => of(part, &room[before..], false)?,
+                };
+                room.extend(states);
+                left -= last;
+                pace.pause("flow", evaluations.saturating_mul(last))?;
+                last = pace.part(evaluations).min(left);
+            }
+            Ok(room)
+        })
+    }
+
+    /// Room for all its states.
+    fn room(&self, dim: usize, initial: &[f64]) -> States {
+        let (kept, points) = (self.kept, initial.len() / dim);
+        let too_many =
+            || Error::invalid("states to keep", format!("{kept} of {points} points"), "fewer");
+        let size = initial.len().checked_mul(kept).ok_or_else(too_many)?;
+        let mut room = Vec::new();
+        room.try_reserve_exact(size).map_err(|_| too_many())?;
+        Ok(room)
     }
 
     fn in_lanes<H: Hamiltonian + Sync>(
@@ -96,14 +150,8 @@ impl Request {
         let points = initial.len() / dim;
         let block = points.div_ceil(rayon::current_num_threads());
         let block = block.next_multiple_of(WIDTH).clamp(WIDTH, BLOCK) * dim;
-        let too_many =
-            || Error::invalid("states to keep", format!("{kept} of {points} points"), "fewer");
-        let size = initial.len().checked_mul(kept).ok_or_else(too_many)?;
-        let (mut by_block, mut out) = (Vec::new(), Vec::new());
-        for space in [&mut by_block, &mut out] {
-            Vec::try_reserve_exact(space, size).map_err(|_| too_many())?;
-        }
-        by_block.resize(size, 0.0);
+        let (mut by_block, mut out) = (self.room(dim, initial)?, self.room(dim, initial)?);
+        by_block.resize(initial.len() * kept, 0.0);
         at_pace(|pace| {
             let (mut initial, mut states) = (initial, &mut by_block[..]);
             while !initial.is_empty() {
@@ -115,7 +163,7 @@ impl Request {
                 let (of_here, of_rest) = std::mem::take(&mut states).split_at_mut(size * kept);
                 let tasks = here.par_chunks(block).zip(of_here.par_chunks_mut(block * kept));
                 tasks.try_for_each(|(initial, states)| each(initial, states))?;
-                pace.pause("flow", size / dim * self.steps * kept)?;
+                pace.pause("flow", (size / dim).saturating_mul(self.steps).saturating_mul(kept))?;
                 (initial, states) = (rest, of_rest);
             }
             Ok(())

@@ -512,6 +512,11 @@ impl SymplecticPolynomial {
         lane_map::rollout(self, initial, request)
     }
 
+    /// Points ← their images, all of them.
+    pub(crate) fn move_all(&self, points: &mut [f64]) {
+        lane_map::move_all(self, points).expect("whole points");
+    }
+
     /// w of u at G points, and the last change of each of its components.
     #[inline(always)]
     fn midpoint<S: Scalar, const D: usize, const G: usize>(

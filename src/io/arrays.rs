@@ -442,6 +442,13 @@ fn read_states(path: &Path, dof: usize, may_be_lost: bool) -> Result<Trajectorie
         let found = format!("{value} in state {state} of trajectory {trajectory} (counted from 0)");
         return Err(Error::content(place, "finite numbers", found));
     }
+    for (index, pair) in array.values.windows(row + 1).enumerate() {
+        if pair[0].is_nan() && !pair[row].is_nan() {
+            let (state, trajectory) = (index / row + 1, index % row / columns);
+            let found = format!("a number in state {state} of trajectory {trajectory} after NaN");
+            return Err(Error::content(place, "NaN to the end of a trajectory", found));
+        }
+    }
     Trajectories::new(array.values, columns, count)
 }
 

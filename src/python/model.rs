@@ -366,7 +366,8 @@ impl Model {
     /// The distinct orbits of exactly `period` steps that Newton's method with exact Jacobians finds from `guesses`,
     /// (N, 2n), in units of the data. Each is a dictionary: points, (period, 2n); multiplier, the Jacobian of a whole
     /// period, (2n, 2n); its trace; residue, Greene's (2 - trace)/4; missed, by how much the orbit misses its
-    /// beginning; and inside, whether all points are in the box of the training points, None where no box is known.
+    /// beginning; and inside, whether all points are in the box of the training points, but for a hundredth of its width, None where
+    /// no box is known.
     /// Outside of it an orbit may be none of the system. Orbits with points within `apart` count as one; guesses that lead to no orbit are skipped. Raises
     /// Error as `predict`.
     #[pyo3(signature = (guesses, period=1, apart=1e-6))]

@@ -477,7 +477,9 @@ fn next_call(step: NextStep) -> String {
         NextStep::Action => with("circle_action=\"auto\""),
         NextStep::Iterations(iterations) => with(&format!("iterations={iterations}")),
         NextStep::HoldOut => with(&format!("validation={}", Fit::HELD_OUT)),
-        NextStep::Pairs(_) => "gyroceptron.train(more_input, more_output, …)".into(),
+        NextStep::Pairs(_) | NextStep::DistinctPairs => {
+            "gyroceptron.train(more_input, more_output, …)".into()
+        }
         NextStep::Values(_) => "gyroceptron.train(…, controls=more_values)".into(),
         NextStep::Marquardt => with("optimiser=\"lm\""),
         NextStep::Starts(starts) => with(&format!("starts={starts}")),

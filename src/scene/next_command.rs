@@ -37,7 +37,9 @@ pub fn next_command(typed: &[String], step: NextStep, model: &Path) -> String {
             with(&["--validation"], &["--validation", &share, "--overwrite"])
         }
         NextStep::Values(_) => with(&["--data"], &["--data", "MORE-VALUES.npz", "--overwrite"]),
-        NextStep::Pairs(_) => with(&["--data"], &["--data", "MORE-PAIRS.npz", "--overwrite"]),
+        NextStep::Pairs(_) | NextStep::DistinctPairs => {
+            with(&["--data"], &["--data", "MORE-PAIRS.npz", "--overwrite"])
+        }
         NextStep::Marquardt => with(&["--optimiser"], &["--optimiser", "lm", "--overwrite"]),
         NextStep::Starts(starts) => {
             with(&["--starts"], &["--starts", &starts.to_string(), "--overwrite"])

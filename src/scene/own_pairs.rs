@@ -42,6 +42,8 @@ pub enum NextStep {
     HoldOut,
     /// Get more pairs than this number.
     Pairs(usize),
+    /// Get pairs whose inputs do not repeat.
+    DistinctPairs,
     /// Get pairs of more values of the controls than this number.
     Values(usize),
     /// Use Levenberg–Marquardt in place of the optimiser.
@@ -70,8 +72,11 @@ impl NextStep {
     fn after(problem: &Problem, outcome: &Outcome, judgement: &Judgement, rotation: f64) -> Self {
         let options = &problem.training;
         let marquardt = matches!(options.optimiser, Optimiser::LevenbergMarquardt(_));
-        if judgement.is_yes() {
+        if judgement.is_yes() || judgement.is_limited_by_its_pairs() {
             return Self::Predict;
+        }
+        if judgement.too_few.is_some() && judgement.repeated > 0 {
+            return Self::DistinctPairs;
         }
         if judgement.too_few.is_some() {
             let all = problem.pairs.len() + judgement.held_out.unwrap_or(0);
@@ -141,6 +146,9 @@ impl NextStep {
             Self::Pairs(count) => format!(
                 "{count} training pairs are too few to learn from and to judge by; some thousands are usual"
             ),
+            Self::DistinctPairs => {
+                "pairs whose inputs repeat say nothing of points between them".into()
+            }
             Self::Values(count) => format!(
                 "held-out pairs are of values of the controls that are not among the {count} trained on: more \
                  values, or a lower degree in the controls, tell more of those between than more pairs of the same"

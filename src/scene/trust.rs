@@ -26,6 +26,7 @@ pub(super) fn trust(judgement: &Judgement) -> Findings {
         orbits,
         swings,
         own,
+        repeated: _,
     } = judgement;
     let mut text = format!("**{verdict}**: ");
     too_few.iter().for_each(|first| text.push_str(&format!("{first}; ")));

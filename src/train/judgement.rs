@@ -59,6 +59,10 @@ pub fn limit(loss: f64, validation: Option<f64>, history: &[TrainingRecord]) -> 
     }
 }
 
+/// What is wrong with pairs, in the reasons for care.
+const REPEATED_INPUTS: &str = "have the input of a training pair";
+const BEYOND_INPUTS: &str = "are outside the box of the inputs";
+
 /// How many held-out pairs have an input, bit for bit, that a training pair of the same map has.
 fn repeated_inputs(training: &Pairs, held_out: &Pairs) -> usize {
     let inputs = |pairs: &Pairs| -> Vec<Vec<u64>> {
@@ -208,11 +212,13 @@ fn verdict(no: &[String], long: &[String], care: &[String]) -> &'static str {
 pub struct Judgement {
     /// Yes or no, and within which limits.
     pub verdict: &'static str,
-    /// The statement that too few pairs are held out for a verdict, where that is so; it is the
-    /// first of [`Judgement::no`].
+    /// The statement that too few pairs are held out for a verdict, or too few that do not repeat
+    /// the training, where that is so; it is the first of [`Judgement::no`].
     pub too_few: Option<String>,
     /// The error of the plane that decides, in words.
     pub error: String,
+    /// How many held-out pairs have the input of a training pair.
+    pub repeated: usize,
     /// The reasons not to trust the network at all.
     pub no: Vec<String>,
     /// The reasons not to trust it along long orbits.
@@ -332,7 +338,7 @@ impl Judgement {
                 ));
             }
             Some(held) if 2 * repeated >= held => care.push(format!(
-                "{repeated} of {held} held-out pairs have the input of a training pair: their errors say little"
+                "{repeated} of {held} held-out pairs {REPEATED_INPUTS}: their errors say little"
             )),
             _ => {}
         }
@@ -386,7 +392,7 @@ impl Judgement {
         let beyond = share_beyond_inputs(pairs);
         if beyond >= 0.5 {
             care.push(format!(
-                "{} of the images are outside the box of the inputs, where no pair says what the map does: \
+                "{} of the images {BEYOND_INPUTS}, where no pair says what the map does: \
                  orbits that go there are guessed",
                 percent(beyond)
             ));
@@ -396,6 +402,7 @@ impl Judgement {
         Ok(Self {
             verdict: verdict(&no, &long, &care),
             too_few: first,
+            repeated,
             error: share_text,
             no,
             no_long_orbits: long,
@@ -439,6 +446,13 @@ impl Judgement {
     /// Whether the verdict is a plain yes.
     pub fn is_yes(&self) -> bool {
         self.reasons().next().is_none()
+    }
+
+    /// Whether there are reasons for care alone, all of which are in the pairs: no other training helps.
+    pub fn is_limited_by_its_pairs(&self) -> bool {
+        let of_pairs =
+            |reason: &String| reason.contains(BEYOND_INPUTS) || reason.contains(REPEATED_INPUTS);
+        self.no.is_empty() && self.no_long_orbits.is_empty() && self.care.iter().all(of_pairs)
     }
 
     /// Whether the plane that decides is hardly learnt.

@@ -232,10 +232,7 @@ impl ApertureOptions {
             if context.interrupted() {
                 return Err(RunError::Interrupted);
             }
-            let (mut survived, shares) = (survived?, self.shares());
-            for (start, survived) in starts.chunks_exact(4).zip(&mut survived) {
-                *survived = if beyond(start) { Some(0) } else { *survived };
-            }
+            let (survived, shares) = (survived?, self.shares());
             let of_rays: Vec<&[Option<usize>]> = survived.chunks(self.points).collect();
             let after = |count: &usize| {
                 let of_ray = |ray: &&[Option<usize>]| aperture_of_ray(ray, &shares, *count);
