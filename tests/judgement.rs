@@ -268,23 +268,23 @@ fn repeated_pairs_and_images_beyond_the_inputs_are_told() {
         };
         z.chunks_exact(2).flat_map(kicked).collect()
     };
-    let judged = |input: Vec<f64>, strength: f64| {
-        let output = standard(strength, &input);
-        let pairs = Pairs::new("standard", 1, input, output).expect("pairs");
-        let action = Some(CircleAction::new([1]).into());
-        let mut fit = Fit { action, ..Fit::default() }.with_iterations(20);
-        fit.training.starts = None;
-        let judgement = fit.run(pairs).expect("trains").judgement().expect("a judgement");
-        (judgement.no.join("; "), judgement.care.join("; "))
-    };
-    let step = |input: Vec<f64>, strength: f64| {
+    let trained = |input: Vec<f64>, strength: f64| {
         let output = standard(strength, &input);
         let pairs = Pairs::new("standard", 1, input, output).expect("pairs");
         let action = Some(CircleAction::new([1]).into());
         let mut fit = Fit { action, ..Fit::default() }.with_iterations(20);
         fit.training.starts = None;
         let fitted = fit.run(pairs).expect("trains");
-        NextStep::of(&fitted, &fitted.judgement().expect("a judgement"))
+        let judgement = fitted.judgement().expect("a judgement");
+        (fitted, judgement)
+    };
+    let judged = |input: Vec<f64>, strength: f64| {
+        let (_, judgement) = trained(input, strength);
+        (judgement.no.join("; "), judgement.care.join("; "))
+    };
+    let step = |input: Vec<f64>, strength: f64| {
+        let (fitted, judgement) = trained(input, strength);
+        NextStep::of(&fitted, &judgement)
     };
     assert_eq!(step(points(40, &mut stream).repeat(15), 0.3), NextStep::DistinctPairs);
     let (_, care) = judged(points(600, &mut stream), 3.0);
