@@ -230,8 +230,8 @@ fn islands_are_as_wide_as_a_pendulum() {
     }
 }
 
-/// In a chain of islands that is thinner than rounding points nearly close all around it: they are orbits only where they
-/// miss by rounding.
+/// In a chain of islands that is thinner than rounding points nearly close all around it: they are orbits only where
+/// they miss by rounding.
 #[test]
 fn what_nearly_closes_is_no_orbit() {
     // The standard map by K = 0.5, the chain of 1/9: residues of some 1e-11.

@@ -60,8 +60,8 @@ impl StoredPolynomial {
         Ok(states)
     }
 
-    /// [`StoredPolynomial::rollout_along`] of orbits that may leave the box of a section, or come to where the polynomial
-    /// has no image: the first state that is kept after that and all later ones are NaN.
+    /// [`StoredPolynomial::rollout_along`] of orbits that may leave the box of a section, or come to where the
+    /// polynomial has no image: the first state that is kept after that and all later ones are NaN.
     ///
     /// # Errors
     /// Those of [`StoredPolynomial::rollout_along`], but for orbits that are lost.

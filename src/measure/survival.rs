@@ -7,7 +7,8 @@ use crate::error::Error;
 pub type Follow<'a> = &'a (dyn Fn(&[f64], usize) -> Result<Vec<f64>, Error> + 'a);
 
 /// The number of maps after which each orbit is outside for the first time, 0 where it begins outside; None for orbits
-/// that stay inside for all `maps` maps. A point has `dim` numbers, and `stays` returns whether it is inside; it has to be false for NaN.
+/// that stay inside for all `maps` maps. A point has `dim` numbers, and `stays` returns whether it is inside; it has to
+/// be false for NaN.
 ///
 /// # Errors
 /// Those of `follow`; when there are no whole points.

@@ -410,8 +410,8 @@ impl FieldLines {
     }
 
     /// The number of maps after which each line from `points`, (..., 2), is outside of the box from `low` to `high`,
-    /// two numbers each, in metres, for the first time, 0 if it begins outside, or `maps` + 1 if it stays inside: (...),
-    /// integers.
+    /// two numbers each, in metres, for the first time, 0 if it begins outside, or `maps` + 1 if it stays inside:
+    /// (...), integers.
     fn survival<'py>(
         &self,
         py: Python<'py>,

@@ -321,10 +321,10 @@ impl Model {
         array(py, values, points.shape(&[], &[]))
     }
 
-    /// The number of steps after which each orbit from `points`, (..., 2n), is outside of a box for the first time, 0 if
-    /// it begins outside, or `steps` + 1 if it stays inside: (...), integers. The box from `low` to `high`, 2n numbers each, is that of the
-    /// training points unless given. Raises Error as `predict`, but for orbits that are lost, and where no box is
-    /// known.
+    /// The number of steps after which each orbit from `points`, (..., 2n), is outside of a box for the first time, 0
+    /// if it begins outside, or `steps` + 1 if it stays inside: (...), integers. The box from `low` to `high`, 2n
+    /// numbers each, is that of the training points unless given. Raises Error as `predict`, but for orbits that are
+    /// lost, and where no box is known.
     #[pyo3(signature = (points, steps, low=None, high=None))]
     fn survival<'py>(
         &self,
@@ -366,10 +366,9 @@ impl Model {
     /// The distinct orbits of exactly `period` steps that Newton's method with exact Jacobians finds from `guesses`,
     /// (N, 2n), in units of the data. Each is a dictionary: points, (period, 2n); multiplier, the Jacobian of a whole
     /// period, (2n, 2n); its trace; residue, Greene's (2 - trace)/4; missed, by how much the orbit misses its
-    /// beginning; and inside, whether all points are in the box of the training points, but for a hundredth of its width, None where
-    /// no box is known.
-    /// Outside of it an orbit may be none of the system. Orbits with points within `apart` count as one; guesses that lead to no orbit are skipped. Raises
-    /// Error as `predict`.
+    /// beginning; and inside, whether all points are in the box of the training points, but for a hundredth of its
+    /// width, None where no box is known. Outside of it an orbit may be none of the system. Orbits with points within
+    /// `apart` count as one; guesses that lead to no orbit are skipped. Raises Error as `predict`.
     #[pyo3(signature = (guesses, period=1, apart=1e-6))]
     fn periodic_orbits<'py>(
         &self,

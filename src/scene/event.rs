@@ -56,8 +56,8 @@ pub trait Observer {
         false
     }
 
-    /// The flag that [`Observer::interrupted`] reads, where another thread may set it: what takes long between two events
-    /// reads it too. None leaves such work to its end.
+    /// The flag that [`Observer::interrupted`] reads, where another thread may set it: what takes long between two
+    /// events reads it too. None leaves such work to its end.
     fn interruption(&self) -> Option<Arc<AtomicBool>> {
         None
     }

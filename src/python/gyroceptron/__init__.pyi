@@ -353,7 +353,7 @@ class SymplecticPolynomial:
         low: Sequence[float] | None = None,
         high: Sequence[float] | None = None,
     ) -> NDArray[np.int64]:
-        """The number of steps after which each orbit is outside of a box, 0 at the start, steps + 1 for those that stay."""
+        """The number of steps after which each orbit is outside of a box, 0 at the start, steps + 1 if it stays."""
     def dynamic_aperture(
         self,
         centre: ArrayLike,
@@ -433,7 +433,7 @@ class FieldLines:
     def survival(
         self, points: ArrayLike, maps: int, low: Sequence[float], high: Sequence[float]
     ) -> NDArray[np.int64]:
-        """The number of maps after which each line is outside of a box, 0 at the start, maps + 1 for those that stay."""
+        """The number of maps after which each line is outside of a box, 0 at the start, maps + 1 if it stays."""
     def lyapunov_exponent(self, point: ArrayLike, steps: int) -> float:
         """The finite-time Lyapunov exponent of the orbit from `point`, per step."""
     def alignment_index(self, point: ArrayLike, steps: int) -> float:
