@@ -246,7 +246,8 @@ fn what_nearly_closes_is_no_orbit() {
     let grid = side.iter().flat_map(|q| side.iter().map(|p| vec![*q, *p]));
     let found = periodic_orbits(&map, &grid.collect::<Vec<_>>(), 9, 1e-6).expect("a scan");
     let most = found.iter().map(|orbit| orbit.missed).fold(0.0, max_or_nan);
-    assert!(most < 1e-11, "{most:e}");
+    // All around it they were 164.
+    assert!((1..10).contains(&found.len()) && most < 1e-11, "{} {most:e}", found.len());
     // What is wide enough is found all the same, stable or not.
     for (guess, period, trace) in [([0.1, 0.1], 1, 2.5), ([3.0, 0.1], 1, 1.5)] {
         let orbit = periodic_orbit(&map, &guess, period).expect("an orbit");

@@ -21,12 +21,7 @@ impl GaussLegendre {
     ) -> Result<Vec<f64>, Error> {
         let dim = 2 * system.dof();
         request.in_parts(dim, initial, &|request, initial, is_first| {
-            let each = self.by_blocks(system, request);
-            if is_first {
-                request.run(system, initial, &each)
-            } else {
-                request.run_blocks(dim, initial, &each)
-            }
+            request.run_part(system, initial, &self.by_blocks(system, request), is_first)
         })
     }
 

@@ -68,13 +68,22 @@ impl Request {
             return self.run(system, initial, &self.in_lanes(method, system));
         }
         self.in_parts(dim, initial, &|request, initial, is_first| {
-            let each = request.in_lanes(method, system);
-            if is_first {
-                request.run(system, initial, &each)
-            } else {
-                request.run_blocks(dim, initial, &each)
-            }
+            request.run_part(system, initial, &request.in_lanes(method, system), is_first)
         })
+    }
+
+    /// [`Request::run`] of the first part of a request, or of a later one, whose points are states of the part before.
+    pub(super) fn run_part(
+        &self,
+        system: &impl Hamiltonian,
+        initial: &[f64],
+        each: Each<'_>,
+        is_first: bool,
+    ) -> States {
+        match is_first {
+            true => self.run(system, initial, each),
+            false => self.run_blocks(2 * system.dof(), initial, each),
+        }
     }
 
     /// The states of a request, interval after interval where the thread may be stopped between them: `of` gives those

@@ -59,10 +59,6 @@ pub fn limit(loss: f64, validation: Option<f64>, history: &[TrainingRecord]) -> 
     }
 }
 
-/// What is wrong with pairs, in the reasons for care.
-const REPEATED_INPUTS: &str = "have the input of a training pair";
-const BEYOND_INPUTS: &str = "are outside the box of the inputs";
-
 /// How many held-out pairs have an input, bit for bit, that a training pair of the same map has.
 fn repeated_inputs(training: &Pairs, held_out: &Pairs) -> usize {
     let inputs = |pairs: &Pairs| -> Vec<Vec<u64>> {
@@ -225,6 +221,8 @@ pub struct Judgement {
     pub no_long_orbits: Vec<String>,
     /// The reasons to use it with care.
     pub care: Vec<String>,
+    /// How many of the reasons for care lie in the pairs, so that no other training helps.
+    pub care_of_pairs: usize,
     /// The number of held-out pairs; None where the errors are those of the training pairs.
     pub held_out: Option<usize>,
     /// The error of each plane.
@@ -313,6 +311,7 @@ impl Judgement {
         };
 
         let (mut no, mut long, mut care) = (Vec::new(), Vec::new(), Vec::new());
+        let mut of_pairs = Vec::new();
         let mut first = None;
         let repeated = held_out.map_or(0, |held_out| repeated_inputs(pairs, held_out));
         match held_out.map(Pairs::len) {
@@ -337,8 +336,8 @@ impl Judgement {
                     Self::FEWEST
                 ));
             }
-            Some(held) if 2 * repeated >= held => care.push(format!(
-                "{repeated} of {held} held-out pairs {REPEATED_INPUTS}: their errors say little"
+            Some(held) if 2 * repeated >= held => of_pairs.push(format!(
+                "{repeated} of {held} held-out pairs have the input of a training pair: their errors say little"
             )),
             _ => {}
         }
@@ -391,18 +390,21 @@ impl Judgement {
         }
         let beyond = share_beyond_inputs(pairs);
         if beyond >= 0.5 {
-            care.push(format!(
-                "{} of the images {BEYOND_INPUTS}, where no pair says what the map does: \
+            of_pairs.push(format!(
+                "{} of the images are outside the box of the inputs, where no pair says what the map does: \
                  orbits that go there are guessed",
                 percent(beyond)
             ));
         }
         let fault = own.as_ref().and_then(OwnInvariance::fault);
         care.extend(fault);
+        let care_of_pairs = of_pairs.len();
+        care.extend(of_pairs);
         Ok(Self {
             verdict: verdict(&no, &long, &care),
             too_few: first,
             repeated,
+            care_of_pairs,
             error: share_text,
             no,
             no_long_orbits: long,
@@ -450,9 +452,8 @@ impl Judgement {
 
     /// Whether there are reasons for care alone, all of which are in the pairs: no other training helps.
     pub fn is_limited_by_its_pairs(&self) -> bool {
-        let of_pairs =
-            |reason: &String| reason.contains(BEYOND_INPUTS) || reason.contains(REPEATED_INPUTS);
-        self.no.is_empty() && self.no_long_orbits.is_empty() && self.care.iter().all(of_pairs)
+        let no_other = self.no.is_empty() && self.no_long_orbits.is_empty();
+        no_other && !self.care.is_empty() && self.care.len() == self.care_of_pairs
     }
 
     /// Whether the plane that decides is hardly learnt.
