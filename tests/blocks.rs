@@ -298,13 +298,15 @@ fn arrangements_are_kept_in_files() {
         assert_eq!(back.architecture(), &architecture, "{name}");
         assert_eq!(back.parameters(), model.parameters(), "{name}");
         // As weights for others too, with the list in the file.
-        let file = folder.path().join("w.safetensors");
-        export_weights(&file, &model, None).expect("written");
-        let own = read_architecture(&file).expect("read").expect("it has one");
-        let tensors = read_tensors(&file).expect("read");
-        let back = assemble_architecture("w", tensors, own).expect("all tensors");
-        assert_eq!(back.architecture(), &architecture, "{name}");
-        assert_eq!(back.parameters(), model.parameters(), "{name}");
+        for ending in ["safetensors", "npz"] {
+            let file = folder.path().join(format!("w.{ending}"));
+            export_weights(&file, &model, None).expect("written");
+            let own = read_architecture(&file).expect("read").expect("it has one");
+            let tensors = read_tensors(&file).expect("read");
+            let back = assemble_architecture("w", tensors, own).expect("all tensors");
+            assert_eq!(back.architecture(), &architecture, "{name}");
+            assert_eq!(back.parameters(), model.parameters(), "{name}");
+        }
     }
 }
 

@@ -3,7 +3,8 @@
 use gyroceptron::Error;
 use gyroceptron::flow::{Pairs, PolynomialFamily, Trajectories};
 use gyroceptron::io::{
-    Provenance, StoredModel, load_model, parse_model, read_pairs, save_model, write_pairs,
+    Provenance, StoredModel, assemble_architecture, export_weights, load_model, parse_model,
+    read_architecture, read_pairs, read_tensors, save_model, write_pairs,
 };
 use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::certificate::{CertificateOptions, certify};
@@ -474,6 +475,16 @@ fn models_and_pairs_with_controls_come_back_from_their_files() {
         let other = text.replacen("0.", "1.", 1);
         assert!(parse_model("other", other.as_bytes()).is_err(), "a digit was changed");
         std::fs::remove_file(&path).expect("there");
+        // As weights for other programs, which name its controls.
+        for ending in ["safetensors", "npz"] {
+            let weights = folder.path().join(format!("weights.{ending}"));
+            export_weights(&weights, &model, None).expect("written");
+            let own = read_architecture(&weights).expect("read").expect("an architecture");
+            let tensors = read_tensors(&weights).expect("read");
+            let back = assemble_architecture(ending, tensors, own).expect("all tensors");
+            assert_eq!(back.architecture(), model.architecture());
+            assert_eq!(back.parameters(), model.parameters());
+        }
     }
     let pairs = family(3);
     let path = folder.path().join("pairs.npz");

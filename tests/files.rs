@@ -633,7 +633,14 @@ fn a_normal_form_comes_back() {
         let back = read(tensors.clone()).expect("read");
         assert_eq!(back.architecture(), model.architecture());
         assert_eq!(back.composition().parameters(), model.composition().parameters());
-        for lacking in ["kick.1.b_in", "twist.0.quadratic", "turned_twist.1.angles", "theta"] {
+        for lacking in [
+            "kick.0.w_in",
+            "kick.1.b_in",
+            "twist.1.w_in",
+            "twist.0.quadratic",
+            "turned_twist.1.angles",
+            "theta",
+        ] {
             let mut tensors = tensors.clone();
             tensors.remove(lacking);
             names(read(tensors), &[lacking]);

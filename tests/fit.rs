@@ -1,6 +1,6 @@
 //! From pairs to a model by the library: what is found, what is recommended, what is asked for.
 
-use gyroceptron::flow::sample;
+use gyroceptron::flow::{SymplecticPolynomial, sample};
 use gyroceptron::io::Checkpoints;
 use gyroceptron::layer::TorusAction;
 use gyroceptron::network::LayerSizes;
@@ -312,6 +312,16 @@ fn what_cannot_be_is_refused() {
     assert!(error.contains("circle action") && error.contains("none for sure"), "{error}");
     let (given, mixed) = (pairs(20, 0.9, 1), [0, 2, 1, 3]);
     assert_eq!(given.with_columns(&mixed).with_columns(&mixed), given);
+    // Sums of squares would be no numbers.
+    for size in [1e160, 1e-160] {
+        let (given, of) = (pairs(40, 0.9, 1), |v: &[f64]| v.iter().map(|v| size * v).collect());
+        let scaled = Pairs::new("scaled", 2, of(given.input()), of(given.output()));
+        let scaled = scaled.expect("finite");
+        let error = fit().run(scaled.clone()).expect_err("out of range").to_string();
+        assert!(error.contains("largest absolute value: expected 1e-150 to 1e150"), "{error}");
+        let error = SymplecticPolynomial::fit(&scaled, 2).expect_err("out of range").to_string();
+        assert!(error.contains("largest absolute value"), "{error}");
+    }
     // A family needs a network of one.
     let family =
         Pairs::of_family(vec![(0.1, 1.0, pairs(20, 0.9, 1)), (0.2, 1.0, pairs(20, 0.9, 2))]);

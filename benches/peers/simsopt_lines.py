@@ -2,20 +2,24 @@
 """Maps of the field lines of Wendelstein 7-X beside tracing by simsopt, and the table of their errors and times.
 
     python3 benches/peers/simsopt_lines.py [--lines N] [--periods N] [--intervals N ...] [--long N] [--short]
+        [--tolerances T ...]
 
 Makes a virtual environment of its own in target/peers-simsopt (simsopt and NumPy from PyPI, and this package as it
 stands) and takes the coils of the standard configuration that simsopt ships. `gyroceptron.FieldLines` traces lines
 through the section at half a field period, to 1e-10 m; `gyroceptron.train` learns the map of a period from seven
 lines of eight, and the eighth judges it; so does a symplectic polynomial. Beside it
 `simsopt.field.compute_fieldlines` traces the same lines: through `InterpolatedField` of degree 4 on grids of N, 2N
-and N/2 intervals along R, φ and Z, as its examples do, and in the field of the coils. Compared are a period and all
-periods of the held-out lines, how far lines are off their surfaces after `--long` periods, the time of a period of a
-line on one thread, and after how many periods of lines data and training are paid for.
+and N/2 intervals along R, φ and Z, as its examples do, and in the field of the coils, each to several tolerances of
+its steps. Compared are a period and all periods of the held-out lines, how far lines are off their surfaces after
+`--long` periods, the time of a period of a line on one thread, and after how many periods of lines data and training
+are paid for.
 
 Takes some twenty minutes, most of them tracing.
 """
 
 import argparse
+import functools
+import itertools
 import os
 
 import shared
@@ -135,13 +139,16 @@ def main():
     parser.add_argument("--lines", type=int, default=64, help="lines, of which every eighth is held out")
     parser.add_argument("--periods", type=int, default=100, help="periods over which errors are compared")
     parser.add_argument("--intervals", type=int, nargs="+", default=[20, 30, 40], help="intervals along R of the grids")
-    parser.add_argument("--tolerance", type=float, default=1e-9, help="of the steps of simsopt")
+    parser.add_argument(
+        "--tolerances", type=float, nargs="+", default=[1e-6, 1e-7, 1e-8, 1e-9], help="of the steps of simsopt"
+    )
     parser.add_argument("--long", type=int, default=10_000, help="periods after which lines are compared with surfaces")
     parser.add_argument("--surface", type=int, default=1000, help="traced points of which a surface is made")
     parser.add_argument("--short", action="store_true", help="few of all, to see that it runs")
     options = parser.parse_args()
     if options.short:
         options.lines, options.periods, options.intervals, options.long, options.surface = 8, 20, [8], 400, 300
+        options.tolerances = [1e-6]
     os.chdir(FOLDER)
     machine, making = seconds(Machine)
     starts = machine.lines.starts(options.lines)
@@ -191,24 +198,23 @@ def main():
         field, building = seconds(lambda intervals=intervals: machine.interpolated(intervals, box))
         rivals.append((f"simsopt, field on {intervals} × {2 * intervals} × {intervals // 2} intervals", field, building))
     rivals.append(("simsopt, field of the coils", machine.field, 0.0))
-    for name, field, building in rivals:
+    for (name, field, building), tolerance in itertools.product(rivals, options.tolerances):
         of_coils = field is machine.field
         here, periods = (truth[:, :2], min(3, options.periods)) if of_coils else (truth, options.periods)
-        (found, crossings), spent = seconds(
-            lambda field=field, here=here, periods=periods: machine.trace(field, here[0], periods, options.tolerance)
-        )
+        trace = functools.partial(machine.trace, field, tolerance=tolerance)
+        (found, crossings), spent = seconds(lambda trace=trace, here=here, periods=periods: trace(here[0], periods))
         spent /= crossings
         # Each of the first periods from where the line is, as a map does it.
         some = here[: 1 if of_coils else 10].reshape(-1, 2)
         images = here[1 : 2 if of_coils else 11].reshape(-1, 2)
-        one, _ = machine.trace(field, some, 1, options.tolerance)
+        one, _ = trace(some, 1)
         after, away = "–", "–"
         if not of_coils:
             after = f"{rms(found[-1], truth[-1]):.1e} m"
-            end, _ = machine.trace(field, starts[far], options.long, options.tolerance)
+            end, _ = trace(starts[far], options.long)
             away = f"{surfaces.off(end[-200:]):.1e} m"
         error = rms(one[1], images)
-        rows.append([name, "", f"{error:.1e} m", after, away, f"{1e6 * spent:.3g}", f"{building:.0f} s"])
+        rows.append([f"{name}, {tolerance:.0e}", "", f"{error:.1e} m", after, away, f"{1e6 * spent:.3g}", f"{building:.0f} s"])
         factors = []
         for of, own, step, paid in maps:
             if own <= error:

@@ -600,13 +600,14 @@ pub struct Import {
     #[arg(long, value_name = "FILE.safetensors|FILE.npz|FILE.index")]
     pub weights: PathBuf,
     /// The integer weight of each plane (q_j, p_j), such as 1,0; of several circles such as
-    /// 0,1,0/0,0,2.
+    /// 0,1,0/0,0,2. A file of `export` says it.
     #[arg(long, value_name = "WEIGHTS", allow_hyphen_values = true)]
-    pub circle_action: String,
-    /// ε of the near-identity part.
+    pub circle_action: Option<String>,
+    /// ε of the near-identity part. A file of `export` says it.
     #[arg(long, allow_negative_numbers = true)]
-    pub epsilon: f64,
-    /// The flow time h, where the weights are of a gyroceptron in normal form or of couplings.
+    pub epsilon: Option<f64>,
+    /// The flow time h, where the weights are of a gyroceptron in normal form or of couplings. A file of `export` says
+    /// it.
     #[arg(long, allow_negative_numbers = true)]
     pub flow_time: Option<f64>,
     /// The model file to write.

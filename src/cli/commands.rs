@@ -331,7 +331,7 @@ fn describe(model: &Model, path: &Path, as_json: bool) -> Result<Status, Error> 
 
 fn import(arguments: &Import) -> Result<Status, Error> {
     check_ending("--output", &arguments.output, "json")?;
-    let action = circle_action(&arguments.circle_action)?;
+    let action = arguments.circle_action.as_deref().map(circle_action).transpose()?;
     let (mut tensors, place) = (read_tensors(&arguments.weights)?, arguments.weights.display());
     if tensors.values().any(|tensor| tensor.single_precision) {
         line(&format!("{place}: {}", Note::SinglePrecision));
@@ -340,27 +340,40 @@ fn import(arguments: &Import) -> Result<Status, Error> {
     if let Some(time) = time.filter(|time| !(time.is_finite() && *time > 0.0)) {
         return Err(Error::invalid("--flow-time", time, "a positive number"));
     }
-    let units = take_units(&place, &mut tensors, action.dof())?;
-    let model = match read_architecture(&arguments.weights)? {
-        // A list of blocks of its own has no other description.
-        Some(own) if own.circles == action.circles() => {
-            if let (Some(time), false) = (time, own.has_flow_time()) {
-                let expected = "none: no block of this network has a flow time";
-                return Err(Error::invalid("--flow-time", time, expected));
+    let (model, units) = match read_architecture(&arguments.weights)? {
+        Some(own) => {
+            let said = format!("of which {place} says that its weights are, or none");
+            if action.is_some_and(|action| own.circles != action.circles()) {
+                let circles = own.circles.iter().map(ToString::to_string).collect::<Vec<_>>();
+                let expected = format!("{}, {said}", circles.join("/"));
+                let found = arguments.circle_action.clone().unwrap_or_default();
+                return Err(Error::invalid("--circle-action", found, expected));
             }
-            let time = time.unwrap_or(own.flow_time);
-            assemble_architecture(&place, tensors, own.at_epsilon(epsilon).of_time(time))?
+            let numbers =
+                [("--epsilon", epsilon, own.epsilon), ("--flow-time", time, own.flow_time)];
+            for (option, given, own) in numbers {
+                if let Some(given) = given.filter(|given| *given != own) {
+                    return Err(Error::invalid(option, given, format!("{own}, {said}")));
+                }
+            }
+            let units = take_units(&place, &mut tensors, own.dof)?;
+            (assemble_architecture(&place, tensors, own)?, units)
         }
-        Some(own) if !own.circles.is_empty() => {
-            let circles = own.circles.iter().map(ToString::to_string).collect::<Vec<_>>();
-            let expected =
-                format!("{}, of which {place} says that its weights are", circles.join("/"));
-            return Err(Error::invalid("--circle-action", &arguments.circle_action, expected));
+        None => {
+            let expected = || format!("a value: {place} does not say it");
+            let none = |option: &str| Error::invalid(option, "none", expected());
+            let action = action.ok_or_else(|| none("--circle-action"))?;
+            let epsilon = epsilon.ok_or_else(|| none("--epsilon"))?;
+            let units = take_units(&place, &mut tensors, action.dof())?;
+            let model = assemble_weights(&place, tensors, &action, epsilon, time);
+            let model = model.map_err(|e| match e {
+                Error::Invalid { ref name, .. } if name == "flow_time" => {
+                    e.with_place("--flow-time")
+                }
+                other => other,
+            })?;
+            (model, units)
         }
-        _ => assemble_weights(&place, tensors, &action, epsilon, time).map_err(|e| match e {
-            Error::Invalid { ref name, .. } if name == "flow_time" => e.with_place("--flow-time"),
-            other => other,
-        })?,
     };
     let architecture = model.architecture();
     let flow_time = architecture.has_flow_time().then_some(architecture.flow_time);
@@ -422,6 +435,7 @@ fn export_code(arguments: &Export, language: SourceLanguage) -> Result<Status, E
     let (stored, of_controls) = at_controls(loaded, &arguments.at)?;
     let stored = stored.member(arguments.epsilon, arguments.flow_time)?;
     of_controls.iter().for_each(|text| line(&format!("note: {text}")));
+    stored.beyond_learnt().iter().for_each(|text| line(&format!("note: {text}")));
     let at = match &arguments.at[..] {
         [] => "controls in the middle of their ranges".to_owned(),
         given => format!("controls {}", given.join(", ")),

@@ -20,7 +20,7 @@ pub fn fit(arguments: &Fit) -> Result<Status, Error> {
     let reversor = arguments.reversor.as_deref().map(Reversor::find).transpose();
     let planes = { arguments.mirrored.iter() }.map(|plane| positive("--mirrored", *plane));
     let fit = PolynomialFit {
-        degree: { arguments.degree }.map(|degree| positive("--degree", degree)).transpose()?,
+        degree: arguments.degree.map(degree).transpose()?,
         symmetries: Symmetries {
             reversor: reversor.map_err(|e| e.with_place("--reversor"))?,
             mirrored: planes.collect::<Result<_, _>>()?,
@@ -58,15 +58,33 @@ pub fn fit(arguments: &Fit) -> Result<Status, Error> {
         }))?;
         return Ok(Status::Done);
     }
-    let next = next_command(&typed_words(), NextStep::Predict, &arguments.output);
+    let next = match chosen.share <= LARGE {
+        true => {
+            format!("next: {}", next_command(&typed_words(), NextStep::Predict, &arguments.output))
+        }
+        false => format!(
+            "So large an error is no map to follow orbits by: more pairs, a smaller region or a network \
+             (`gyroceptron train`) may do better; a coordinate that jumps, such as an angle from 2π to 0, has to be made \
+             continuous first"
+        ),
+    };
     out(&format!(
-        "{}: a symplectic polynomial of degree {} with {} coefficients, {}\nnext: {next}\n",
+        "{}: a symplectic polynomial of degree {} with {} coefficients, {}\n{next}\n",
         arguments.output.display(),
         chosen.degree,
         chosen.parameters,
         error_of(&fitted),
     ))?;
     Ok(Status::Done)
+}
+
+/// A share of the spread of a coordinate above which an error is large.
+const LARGE: f64 = 0.01;
+
+/// A degree of a generating function: one of degree 1 moves all points alike.
+fn degree(value: i64) -> Result<usize, Error> {
+    let degree = usize::try_from(value).ok().filter(|degree| *degree >= 2);
+    degree.ok_or_else(|| Error::invalid("--degree", value, "at least 2"))
 }
 
 /// A degree in a line.

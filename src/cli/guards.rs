@@ -53,6 +53,10 @@ pub fn check_ending(option: &str, path: &Path, ending: &str) -> Result<(), Error
 
 pub fn probe_writable(path: &Path) -> Result<(), Error> {
     let folder = path.parent().filter(|parent| !parent.as_os_str().is_empty());
+    if let Some(folder) = folder.filter(|folder| !folder.is_dir()) {
+        let reason = format!("there is no folder {}", folder.display());
+        return Err(Error::write(path, reason));
+    }
     let probe = tempfile::Builder::new()
         .prefix(".gyroceptron-")
         .tempfile_in(folder.unwrap_or(Path::new(".")));

@@ -40,7 +40,8 @@ pub fn predict(arguments: &Predict) -> Result<Status, Error> {
         let expected = format!("at most {} steps, so that one is taken", request.steps);
         return Err(Error::invalid("--every", request.every, expected));
     }
-    let inputs = [arguments.model.as_path(), arguments.input.as_path()];
+    let mut inputs = vec![arguments.model.as_path(), arguments.input.as_path()];
+    inputs.extend(arguments.compare.as_deref());
     check_ending("--output", &arguments.output, "npy")?;
     if let Some(invariant) = &arguments.invariant {
         check_ending("--invariant", invariant, "npy")?;
@@ -59,7 +60,7 @@ pub fn predict(arguments: &Predict) -> Result<Status, Error> {
             let expected = "an option of symplectic gyroceptrons: other networks own no invariant";
             return Err(Error::invalid("--invariant", invariant.display(), expected));
         }
-        let taken = [inputs[0], inputs[1], &arguments.output];
+        let taken = [&inputs[..], &[arguments.output.as_path()]].concat();
         guard_output("--invariant", invariant, arguments.overwrite, &taken)?;
         // Neither may exist yet.
         let place = |path: &Path| {
@@ -138,10 +139,12 @@ pub fn predict(arguments: &Predict) -> Result<Status, Error> {
         beyond.and_then(|stored| stored.leaves_polynomials(&values, points, request.every));
     let lost = SectionExit::of(&values, dof, points, request.every);
     let lost = lost.filter(|_| asked);
+    let beyond_learnt = network.filter(|_| asked).and_then(|stored| stored.beyond_learnt());
     let exits: Vec<String> = { left.iter().zip(region) }
         .map(|(left, region)| left.describe(region, map.has_section()))
         .chain(lost.iter().map(|lost| lost.describe(map.has_section())))
         .chain(beyond.iter().map(PolynomialExit::describe))
+        .chain(beyond_learnt.clone())
         .collect();
     exits.iter().for_each(|text| line(&format!("note: {text}")));
     of_controls.iter().for_each(|text| line(&format!("note: {text}")));
@@ -155,6 +158,7 @@ pub fn predict(arguments: &Predict) -> Result<Status, Error> {
                 "lost": lost,
                 "outside_polynomials": beyond,
                 "outside_controls": beyond_range,
+                "outside_learnt": beyond_learnt,
             });
             json(&left)?;
         }
@@ -178,6 +182,7 @@ pub fn predict(arguments: &Predict) -> Result<Status, Error> {
             "lost": lost,
             "outside_polynomials": beyond,
             "outside_controls": beyond_range,
+            "outside_learnt": beyond_learnt,
             "grid": course.grid.map(|grid| json!({
                 "bits": grid.bits(),
                 "numbers": grid.numbers().name(),
@@ -193,10 +198,16 @@ pub fn predict(arguments: &Predict) -> Result<Status, Error> {
         ))?;
         if let (Some(apart), Some(file)) = (&apart, &arguments.compare) {
             out(&format!("distance from {}:\n", file.display()))?;
-            // The first steps, then each twice as far as the one before, and the last.
+            // The first steps, then each twice as far as the one before, and the last; of the start nothing is said
+            // where it is the same.
             let all = apart.len();
-            for (index, at) in apart.iter().enumerate().skip(1) {
-                if index.is_power_of_two() || index + 1 == all {
+            let begins_elsewhere = apart.first().is_some_and(|first| first.largest != 0.0);
+            if begins_elsewhere {
+                let of = "the other trajectories do not begin at the points of --input";
+                line(&format!("note: {}: {of}", file.display()));
+            }
+            for (index, at) in apart.iter().enumerate().skip(usize::from(!begins_elsewhere)) {
+                if index == 0 || index.is_power_of_two() || index + 1 == all {
                     let Distance { steps, rms, largest, lost } = at;
                     let without = match lost {
                         0 => String::new(),

@@ -207,7 +207,8 @@ fn is_finished(arguments: &Train, problem: &Problem) -> bool {
 fn tell_finished(arguments: &Train, report_folder: &Path) -> Result<Status, Error> {
     let model = arguments.output.display();
     line(&format!(
-        "{model}: this training has ended by itself and is not gone on with; --overwrite begins anew"
+        "{model}: this training has ended and has no checkpoint to go on from (one that ends by itself leaves none); \
+         --overwrite begins anew"
     ));
     let report = report_folder.join("report.md");
     if arguments.common.json {

@@ -10,6 +10,7 @@ use crate::scalar::max_or_nan;
 use crate::system::{Hamiltonian, System};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
+use std::collections::BTreeSet;
 
 /// A box in phase space and how many points to draw in it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -183,7 +184,11 @@ impl Pairs {
                 conditions.push(Condition { epsilon, time, weight, pairs, controls });
                 conditions.len() - 1
             });
-            Error::check_count_range("maps of a family", conditions.len(), 1, MOST)?;
+            if conditions.len() > MOST {
+                let found = format!("more than {MOST} different ones");
+                let expected = format!("at most {MOST}, each for several pairs");
+                return Err(Error::invalid("values of ε, flow time and controls", found, expected));
+            }
             conditions[found].pairs += 1;
             of_row.push(found);
         }
@@ -399,6 +404,29 @@ impl Pairs {
     /// The smallest box around all inputs and outputs; None without pairs.
     pub fn region(&self) -> Option<Region> {
         Region::around(2 * self.dof, [&self.input[..], &self.output[..]])
+    }
+
+    /// The number of inputs that differ in some bit.
+    pub(crate) fn different_inputs(&self) -> usize {
+        let rows = self.input.chunks_exact(2 * self.dof);
+        let bits = |z: &[f64]| z.iter().map(|v| v.to_bits()).collect::<Vec<u64>>();
+        rows.map(bits).collect::<BTreeSet<_>>().len()
+    }
+
+    /// Fails if squares of these numbers, which fits sum, are too large or too small for double precision.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] with the largest absolute value, unless all are 0.
+    pub(crate) fn check_squares(&self, place: &str) -> Result<(), Error> {
+        /// Squares of these are finite and of full precision, and so are their sums.
+        const RANGE: [f64; 2] = [1e-150, 1e150];
+        let all = self.input.iter().chain(&self.output);
+        let largest = all.map(|v| v.abs()).fold(0.0, max_or_nan);
+        if largest == 0.0 {
+            return Ok(());
+        }
+        let name = format!("{place}: largest absolute value");
+        Error::check_range(&name, largest, RANGE[0], RANGE[1])
     }
 
     /// The degrees of freedom n.

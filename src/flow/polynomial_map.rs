@@ -33,8 +33,8 @@ impl PolynomialMap {
     /// or pairs are of several maps.
     pub fn fit(pairs: &Pairs, degree: usize) -> Result<Self, Error> {
         if !pairs.conditions().is_empty() {
-            let count = pairs.conditions().len();
-            return Err(Error::invalid("pairs", format!("{count} maps"), "pairs of one map"));
+            let found = "values of ε, of a flow time or of controls for each pair";
+            return Err(Error::invalid("pairs", found, "pairs of one map, without them"));
         }
         let mut fitted = Self::nearest(pairs, degree, None)?;
         Ok(fitted.pop().expect("one map"))

@@ -198,6 +198,7 @@ impl SymplecticPolynomial {
             let expected = "fewer terms of it, or more pairs";
             return Err(Error::invalid("degree of a generating function", found, expected));
         }
+        pairs.check_squares("pairs")?;
         let frame = Frame::of(pairs, symmetries)?;
         let before: Vec<f64> =
             pairs.input().chunks_exact(dim).flat_map(|z| frame.enter(z)).collect();
@@ -213,7 +214,17 @@ impl SymplecticPolynomial {
         };
         let both = symmetries.with_images(both, dof);
         let basis = ProductBasis::around(&both, dim, degree)?.even(symmetries.even(dof));
-        let coefficients = generator(&basis, &middles, &before, &after)?;
+        let coefficients =
+            generator(&basis, &middles, &before, &after).map_err(|error| {
+                match pairs.different_inputs() {
+                    different if different < pairs.len() => Error::invalid(
+                        "degree of a generating function",
+                        format!("{degree} for pairs of {different} different inputs"),
+                        "fewer terms of it, or more pairs",
+                    ),
+                    _ => error,
+                }
+            })?;
         // Of the map's images by its symmetries they are pairs too, and the start and the iterations have to do for
         // them.
         let (before, after) = match reversor {

@@ -1,6 +1,6 @@
 //! Data sets as `.npz` and points as `.npy`.
 
-use super::npy::{Array, read_array, write_array};
+use super::npy::{Array, read_array, read_text, write_array, write_text};
 use super::{read_bytes, write_atomically};
 use crate::error::Error;
 use crate::flow::{Condition, Pairs, Trajectories, check_finite};
@@ -9,6 +9,7 @@ use crate::phase::{AreaDensity, Section};
 use crate::train::FamilyPairs;
 use std::io::Cursor;
 use std::path::Path;
+use zip::read::ZipFile;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipArchive, ZipWriter};
 
@@ -35,6 +36,19 @@ impl Archive {
     }
 
     pub(super) fn array(&mut self, name: &str) -> Result<Array, Error> {
+        self.member(name, |place, member, size| read_array(place, member, size))
+    }
+
+    /// A text that is kept under this name.
+    pub(super) fn text(&mut self, name: &str) -> Result<String, Error> {
+        self.member(name, |place, member, size| read_text(place, member, size))
+    }
+
+    fn member<T>(
+        &mut self,
+        name: &str,
+        read: impl Fn(&str, &mut ZipFile<'_, Cursor<Vec<u8>>>, u64) -> Result<T, Error>,
+    ) -> Result<T, Error> {
         let place = format!("{}: {name}", self.place);
         let names = self.names();
         if !names.iter().any(|known| known == name) {
@@ -47,25 +61,40 @@ impl Archive {
         let mut member =
             self.archive.by_name(&format!("{name}{ENDING}")).map_err(|reason| corrupt(&reason))?;
         let size = member.size();
-        let array = read_array(&place, &mut member, size)?;
+        let out = read(&place, &mut member, size)?;
         // The checksum of a member is compared when it has been read to its end.
         std::io::copy(&mut member, &mut std::io::sink()).map_err(|reason| corrupt(&reason))?;
-        Ok(array)
+        Ok(out)
     }
 }
 
 /// Writes named arrays as an `.npz` archive.
 pub(super) fn write_archive(path: &Path, arrays: &[(&str, &[u64], &[f64])]) -> Result<(), Error> {
+    write_archive_of(path, arrays, &[])
+}
+
+/// Writes named arrays and texts as an `.npz` archive.
+pub(super) fn write_archive_of(
+    path: &Path,
+    arrays: &[(&str, &[u64], &[f64])],
+    texts: &[(&str, &str)],
+) -> Result<(), Error> {
+    let options = |bytes: usize| {
+        SimpleFileOptions::default()
+            .compression_method(CompressionMethod::Deflated)
+            // The same numbers give the same file: no time of writing in it.
+            .last_modified_time(DateTime::default())
+            .large_file(bytes >= MOST_WITHOUT_ZIP64)
+    };
     write_atomically(path, |out| {
         let mut archive = ZipWriter::new(Cursor::new(Vec::new()));
         for (name, shape, values) in arrays {
-            let options = SimpleFileOptions::default()
-                .compression_method(CompressionMethod::Deflated)
-                // The same numbers give the same file: no time of writing in it.
-                .last_modified_time(DateTime::default())
-                .large_file(size_of_val(*values) >= MOST_WITHOUT_ZIP64);
-            archive.start_file(format!("{name}{ENDING}"), options)?;
+            archive.start_file(format!("{name}{ENDING}"), options(size_of_val(*values)))?;
             write_array(&mut archive, shape, values)?;
+        }
+        for (name, text) in texts {
+            archive.start_file(format!("{name}{ENDING}"), options(4 * text.len()))?;
+            write_text(&mut archive, text)?;
         }
         out.write_all(archive.finish()?.get_ref())
     })

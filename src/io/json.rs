@@ -4,13 +4,13 @@ use super::legacy::Named;
 use super::{read_bytes, write_atomically};
 use crate::digest;
 use crate::error::Error;
-use crate::flow::{OutsidePolynomials, PolynomialExit, Region, lose_rest};
+use crate::flow::{Condition, OutsidePolynomials, PolynomialExit, Region, lose_rest};
 use crate::measure::orbits::{dynamic_aperture, maps_survived};
 use crate::network::{
     Architecture, Course, Invariant, Model, Pace, Rollout, map_jacobians, map_points,
 };
 use crate::phase::{Direction, Section, Units};
-use crate::train::{Checkpoint, Fitted};
+use crate::train::{Checkpoint, Fitted, Problem};
 use rayon::prelude::*;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -47,8 +47,36 @@ pub struct Provenance {
     /// been tested.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub region: Option<Region>,
+    /// The values of ε and flow times of its pairs. At others the model has not been tested.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub learnt: Option<Learnt>,
     /// The version of this crate.
     pub crate_version: String,
+}
+
+/// The ranges of ε and flow time that the pairs of a model cover.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Learnt {
+    /// The least and the largest ε.
+    pub epsilons: [f64; 2],
+    /// The least and the largest flow time, where it is known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub flow_times: Option<[f64; 2]>,
+}
+
+impl Learnt {
+    /// Those of a problem.
+    fn of(problem: &Problem) -> Self {
+        let conditions = problem.pairs.conditions();
+        let range = |own: f64, of: &dyn Fn(&Condition) -> f64| {
+            let start = conditions.first().map_or(own, of);
+            let ends = |[low, high]: [f64; 2], v: f64| [low.min(v), high.max(v)];
+            conditions.iter().map(of).fold([start; 2], ends)
+        };
+        let flow_times = problem.flow_time.map(|own| range(own, &|of| of.time * own));
+        Self { epsilons: range(problem.architecture.epsilon, &|of| of.epsilon), flow_times }
+    }
 }
 
 impl Provenance {
@@ -105,6 +133,7 @@ impl StoredModel {
             flow_time: problem.flow_time,
             validation: training.outcome.best.validation,
             region: problem.region.clone(),
+            learnt: Some(Learnt::of(problem)).filter(|_| problem.architecture.has_circle()),
             ..Provenance::of(name)
         };
         let (units, section) = (problem.units.clone(), problem.section.clone());
@@ -151,6 +180,27 @@ impl StoredModel {
         };
         let epsilon = epsilon.unwrap_or(architecture.epsilon);
         self.at(epsilon, time)
+    }
+
+    /// That ε or the flow time is outside of those of the pairs, in words; None where it is not, or they are not known.
+    pub fn beyond_learnt(&self) -> Option<String> {
+        let learnt = self.provenance.learnt.as_ref()?;
+        let time = self.provenance.flow_time.zip(learnt.flow_times);
+        let all = [
+            Some(("ε", self.model.architecture().epsilon, learnt.epsilons)),
+            time.map(|(time, range)| ("flow time", time, range)),
+        ];
+        let is_outside = |(_, value, [low, high]): &(&str, f64, [f64; 2])| {
+            // Flow times are products.
+            let rounding = 4.0 * f64::EPSILON * value.abs();
+            !(*value >= low - rounding && *value <= high + rounding)
+        };
+        let words =
+            all.into_iter().flatten().filter(is_outside).map(|(name, value, [low, high])| {
+                let learnt = if low == high { low.to_string() } else { format!("{low} to {high}") };
+                format!("{name} = {value} is outside of what the model has learnt, {learnt}")
+            });
+        words.reduce(|all, one| format!("{all}; {one}"))
     }
 
     /// [`Model::rollout`] from points in the coordinates of the data.

@@ -87,27 +87,29 @@ pub fn read_array(place: &str, source: &mut impl Read, size: u64) -> Result<Arra
     let text = header_text(source).map_err(malformed)?;
     let header = Header::parse(&text).map_err(malformed)?;
     let Header { descr, fortran_order, shape } = header;
-    let Some((bytes, decode)) = numbers(descr) else {
+    let Some((each, decode)) = numbers(descr) else {
         return Err(Error::content(place, "float64 (or float32, or integer) numbers", descr));
     };
     if shape.len() > 3 {
         let found = format!("one of {}", shape.len());
         return Err(Error::content(place, "an array of at most three dimensions", found));
     }
-    let all = shape.iter().try_fold(bytes, |n, d| n.checked_mul(*d));
+    let all = shape.iter().try_fold(each, |n, d| n.checked_mul(*d));
     let Some(mut left) = all.filter(|all| *all as u64 <= size) else {
         return Err(malformed(format!("shape {shape:?}: more numbers than the file holds")));
     };
-    let count = left / bytes;
+    let count = left / each;
     let mut values = Vec::with_capacity(count.min(CHUNK));
     let mut chunk = [0; CHUNK];
     let integers = !descr.contains('f');
     while left > 0 {
         let bytes = &mut chunk[..left.min(CHUNK)];
-        source.read_exact(bytes).map_err(|reason| {
-            malformed(format!("{} of {count} numbers: {reason}", values.len()))
-        })?;
         let start = values.len();
+        let read = fill(source, bytes).map_err(|reason| malformed(reason.to_string()))?;
+        if read < bytes.len() {
+            let found = start + read / each;
+            return Err(malformed(format!("{found} of {count} numbers")));
+        }
         decode(bytes, &mut values);
         let is_rounded = |value: &f64| integers && !(value.abs() < MOST);
         if let Some(k) = values[start..].iter().position(is_rounded) {
@@ -133,7 +135,46 @@ pub fn read_array(place: &str, source: &mut impl Read, size: u64) -> Result<Arra
         };
         values = (0..count).map(|i| values[there(i)]).collect();
     }
-    Ok(Array { shape, values, single: bytes == 4 && !integers })
+    Ok(Array { shape, values, single: each == 4 && !integers })
+}
+
+/// Fills as many bytes as there are.
+fn fill(source: &mut impl Read, bytes: &mut [u8]) -> std::io::Result<usize> {
+    let mut done = 0;
+    while done < bytes.len() {
+        match source.read(&mut bytes[done..]) {
+            Ok(0) => break,
+            Ok(read) => done += read,
+            Err(reason) if reason.kind() == std::io::ErrorKind::Interrupted => {}
+            Err(reason) => return Err(reason),
+        }
+    }
+    Ok(done)
+}
+
+/// Reads a text, which NumPy keeps as an array of no dimensions whose characters have four bytes each, from a source of
+/// `size` bytes; `place` names it in errors.
+pub(super) fn read_text(place: &str, source: &mut impl Read, size: u64) -> Result<String, Error> {
+    let malformed = |reason: String| Error::content(place, "a text in the NPY format", reason);
+    let header = header_text(source).map_err(malformed)?;
+    let Header { descr, shape, .. } = Header::parse(&header).map_err(malformed)?;
+    let length = descr.strip_prefix("<U").and_then(|length| length.parse::<usize>().ok());
+    let bytes = length.filter(|_| shape.is_empty()).and_then(|length| length.checked_mul(4));
+    let Some(bytes) = bytes.filter(|bytes| *bytes as u64 <= size) else {
+        return Err(malformed(format!("numbers of type {descr} and shape {shape:?}")));
+    };
+    let mut text = vec![0; bytes];
+    source.read_exact(&mut text).map_err(|reason| malformed(reason.to_string()))?;
+    let characters = text.as_chunks().0.iter().map(|code| u32::from_le_bytes(*code));
+    characters
+        .map(|code| char::from_u32(code).ok_or_else(|| malformed(format!("the character {code}"))))
+        .collect()
+}
+
+/// Writes a text as an array of no dimensions.
+pub(super) fn write_text(out: &mut (impl Write + ?Sized), text: &str) -> std::io::Result<()> {
+    write_header(out, &format!("<U{}", text.chars().count()), &[])?;
+    text.chars().try_for_each(|c| out.write_all(&u32::from(c).to_le_bytes()))
 }
 
 /// Writes an array in the order of its rows.
@@ -142,12 +183,27 @@ pub fn write_array(
     shape: &[u64],
     values: &[f64],
 ) -> std::io::Result<()> {
+    write_header(out, "<f8", shape)?;
+    for values in values.chunks(CHUNK / 8) {
+        let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
+        out.write_all(&bytes)?;
+    }
+    Ok(())
+}
+
+/// Writes the header of an array of numbers or characters of this type.
+fn write_header(
+    out: &mut (impl Write + ?Sized),
+    descr: &str,
+    shape: &[u64],
+) -> std::io::Result<()> {
     let mut sizes: String = shape.iter().map(|size| format!("{size}, ")).collect();
     if shape.len() > 1 {
         sizes.truncate(sizes.len() - 2);
     }
     let sizes = sizes.trim_end();
-    let dictionary = format!("{{'descr': '<f8', 'fortran_order': False, 'shape': ({sizes}), }}");
+    let dictionary =
+        format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': ({sizes}), }}");
     // Numbers start at a multiple of 64 bytes, as readers that map a file want it.
     let start = (MAGIC.len() + 4 + dictionary.len() + 1).next_multiple_of(64);
     let length = start - MAGIC.len() - 4;
@@ -155,12 +211,7 @@ pub fn write_array(
     out.write_all(MAGIC)?;
     out.write_all(&[1, 0])?;
     out.write_all(&field.to_le_bytes())?;
-    writeln!(out, "{dictionary:<0$}", length - 1)?;
-    for values in values.chunks(CHUNK / 8) {
-        let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
-        out.write_all(&bytes)?;
-    }
-    Ok(())
+    writeln!(out, "{dictionary:<0$}", length - 1)
 }
 
 /// The text of the header, which the numbers follow.

@@ -15,8 +15,11 @@
 //!
 //! If the data has units of its own, they are `units.centre` and `units.factors`, (1, 2n) each: z = centre +
 //! factors·w, where w are the coordinates of the network.
+//!
+//! A file that is exported also has the architecture in JSON, which tells what names cannot: arrangements of blocks of
+//! your own, polynomials, controls.
 
-use super::arrays::{Archive, write_archive};
+use super::arrays::{Archive, write_archive_of};
 use super::tensor::Tensor;
 use super::{read_bytes, tensor_bundle, write_atomically};
 use crate::error::Error;
@@ -117,7 +120,7 @@ fn from_safetensors(place: &str, bytes: &[u8]) -> Result<BTreeMap<String, Tensor
 fn from_npz(place: &str, bytes: Vec<u8>) -> Result<BTreeMap<String, Tensor>, Error> {
     let mut archive = Archive::open(place, bytes)?;
     let mut tensors = BTreeMap::new();
-    for name in archive.names() {
+    for name in archive.names().into_iter().filter(|name| name != ARCHITECTURE) {
         let array = archive.array(&name)?;
         tensors.insert(
             name,
@@ -135,20 +138,26 @@ fn widths(
     block: &str,
     arguments: usize,
 ) -> Result<Vec<usize>, Error> {
-    let mut out = Vec::new();
-    while let Some(tensor) = tensors.get(&format!("{block}.{}.w_in", out.len())) {
+    let number = |name: &String| {
+        let rest = name.strip_prefix(block)?.strip_prefix('.')?;
+        rest.split_once('.')?.0.parse::<usize>().ok()
+    };
+    let count = tensors.keys().filter_map(number).max().map_or(0, |last| last.saturating_add(1));
+    let width = |layer: usize| {
+        let name = format!("{block}.{layer}.w_in");
+        let place = format!("{place}: {name}");
+        let Some(tensor) = tensors.get(&name) else {
+            return Err(Error::content(place, "a tensor of that name", "none"));
+        };
         match tensor.shape[..] {
-            [rows, width] if rows == arguments => out.push(width),
+            [rows, width] if rows == arguments => Ok(width),
             _ => {
-                return Err(Error::content(
-                    format!("{place}: {block}.{}.w_in", out.len()),
-                    format!("shape ({arguments}, h)"),
-                    format!("shape {:?}", tensor.shape),
-                ));
+                let expected = format!("shape ({arguments}, h)");
+                Err(Error::content(place, expected, format!("shape {:?}", tensor.shape)))
             }
         }
-    }
-    Ok(out)
+    };
+    (0..count).map(width).collect()
 }
 
 /// Reads the weights of a gyroceptron with these circles at ε: see [`assemble_weights`].
@@ -165,21 +174,31 @@ pub fn import_weights(
     assemble_weights(&path.display().to_string(), read_tensors(path)?, action, epsilon, flow_time)
 }
 
-/// The architecture that [`export_weights`] has written into a `.safetensors` file, if it has one.
+/// The architecture that [`export_weights`] has written into a file, if it has one.
 ///
 /// # Errors
 /// When the file cannot be read, or its architecture is none.
 pub fn read_architecture(path: &Path) -> Result<Option<Architecture>, Error> {
-    if path.extension().is_none_or(|ending| ending != "safetensors") {
+    if tensor_bundle::is_index(path) {
         return Ok(None);
     }
-    let (place, bytes) = (path.display().to_string(), read_bytes(path)?);
-    let (_, metadata) = SafeTensors::read_metadata(&bytes)
-        .map_err(|reason| Error::content(&place, "a .safetensors file", reason))?;
-    let text = metadata.metadata().as_ref().and_then(|of| of.get(ARCHITECTURE));
-    let parse = |text: &String| -> Result<Architecture, Error> {
+    let (place, format) = (path.display().to_string(), WeightsFormat::of(path)?);
+    let bytes = read_bytes(path)?;
+    let text = match format {
+        WeightsFormat::Safetensors => {
+            let (_, metadata) = SafeTensors::read_metadata(&bytes)
+                .map_err(|reason| Error::content(&place, "a .safetensors file", reason))?;
+            metadata.metadata().as_ref().and_then(|of| of.get(ARCHITECTURE)).cloned()
+        }
+        WeightsFormat::Npz => {
+            let mut archive = Archive::open(&place, bytes)?;
+            let has_one = archive.names().iter().any(|name| name == ARCHITECTURE);
+            has_one.then(|| archive.text(ARCHITECTURE)).transpose()?
+        }
+    };
+    let parse = |text: String| -> Result<Architecture, Error> {
         let place = format!("{place}: {ARCHITECTURE}");
-        let architecture: Architecture = serde_json::from_str(text)
+        let architecture: Architecture = serde_json::from_str(&text)
             .map_err(|reason| Error::content(&place, "an architecture", reason))?;
         architecture.check().map_err(|e| e.with_place(&place))?;
         Ok(architecture)
@@ -187,7 +206,7 @@ pub fn read_architecture(path: &Path) -> Result<Option<Architecture>, Error> {
     text.map(parse).transpose()
 }
 
-/// The key of the architecture among the metadata of a `.safetensors` file.
+/// The name of the architecture, in JSON: among the metadata of a `.safetensors` file, as a text in an `.npz` file.
 const ARCHITECTURE: &str = "architecture";
 
 /// Which named gyroceptron tensors are of, by their names.
@@ -439,10 +458,9 @@ pub fn export_weights(path: &Path, model: &Model, units: Option<&Units>) -> Resu
             tensors.push((name.to_owned(), vec![1, values.len()], values));
         }
     }
+    let text = serde_json::to_string(architecture).map_err(|reason| Error::write(path, reason))?;
     match format {
         WeightsFormat::Safetensors => {
-            let text =
-                serde_json::to_string(architecture).map_err(|reason| Error::write(path, reason))?;
             let metadata = HashMap::from([(ARCHITECTURE.to_owned(), text)]);
             let bytes: Vec<Vec<u8>> = tensors
                 .iter()
@@ -470,7 +488,7 @@ pub fn export_weights(path: &Path, model: &Model, units: Option<&Units>) -> Resu
                 .zip(&shapes)
                 .map(|((name, _, values), shape)| (name.as_str(), &shape[..], *values))
                 .collect();
-            write_archive(path, &arrays)
+            write_archive_of(path, &arrays, &[(ARCHITECTURE, &text)])
         }
     }
 }

@@ -247,11 +247,38 @@ fn fit_amplitudes(signal: &[[f64; 2]], lines: &mut [SpectralLine]) {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tunes {
     /// The turns per map in each plane, between −½ and ½, positive from p towards q as for a circle action. NaN for a
-    /// plane that does not turn, and for an orbit that leaves the finite numbers.
+    /// plane that does not turn, or so little that its turn and its mean cannot be told apart (about one turn of the
+    /// whole orbit), and for an orbit that leaves the finite numbers.
     pub turns: Vec<f64>,
     /// The difference of the tunes of the two halves of the orbit, for each plane: small on an invariant torus, and a
     /// sign of chaos where it is not small.
     pub changes: Vec<f64>,
+}
+
+/// The window's part of a line of so many turns reaches to frequency 0 by less than rounding of tunes.
+const SLOW: f64 = 16.0;
+
+/// The frequency of the strongest line of a signal that has a mean too, where both are so near that the window mixes
+/// them: the mean beside the line and the line beside the mean, in turn. NaN where this comes to no end.
+fn slow_frequency(signal: &[[f64; 2]], first: f64) -> f64 {
+    const ROUNDS: usize = 60;
+    let close = 1e-12 / signal.len() as f64;
+    let mut frequency = first;
+    for _ in 0..ROUNDS {
+        let line = |frequency| SpectralLine { frequency, amplitude: [0.0; 2] };
+        let mut lines = [line(0.0), line(frequency)];
+        fit_amplitudes(signal, &mut lines);
+        let [x, y] = lines[0].amplitude;
+        let rest: Vec<[f64; 2]> = signal.iter().map(|z| [z[0] - x, z[1] - y]).collect();
+        let before = std::mem::replace(&mut frequency, peak(&rest));
+        if !frequency.is_finite() || is_stopped() {
+            break;
+        }
+        if (frequency - before).abs() <= close {
+            return frequency;
+        }
+    }
+    f64::NAN
 }
 
 /// The tunes of each trajectory with states q₁ … qₙ, p₁ … pₙ: in each plane the frequency of the strongest line of
@@ -269,14 +296,18 @@ pub fn tunes(orbits: &Trajectories) -> Vec<Tunes> {
             if count < LEAST {
                 return f64::NAN;
             }
-            let size = largest(&signal);
+            let (size, given) = (largest(&signal), signal.clone());
             // What the window makes of a mean is a line of frequency 0; its weights add up to this sum.
             let sum = (count - 1) as f64 / count as f64;
             let [x, y] = transform(&signal, &weights(count), 0.0).map(|v| v / sum);
             signal.iter_mut().for_each(|z| *z = [z[0] - x, z[1] - y]);
             let turns = largest(&signal) > ROUNDING * size;
             let line = spectral_lines(&signal, usize::from(turns));
-            line.first().map_or(f64::NAN, |line| -line.frequency)
+            let Some(SpectralLine { frequency, .. }) = line.first().copied() else {
+                return f64::NAN;
+            };
+            let is_slow = frequency.abs() * (count as f64) < SLOW;
+            -if is_slow { slow_frequency(&given, frequency) } else { frequency }
         };
         let turns = (0..dof).map(|j| in_plane(j, &states)).collect();
         let changes = (0..dof).map(|j| {

@@ -163,9 +163,51 @@ impl InvariantCircle {
                     x * x + y * y
                 };
                 let nearest = (0..count).min_by(|a, b| square(a).total_cmp(&square(b)));
-                self.distance_near(place, nearest.expect("points") as f64 / count as f64)
+                let nearest = nearest.expect("points");
+                let near = self.distance_near(place, nearest as f64 / count as f64);
+                let next = (nearest + 1) % count;
+                let spacing = libm::hypot(
+                    around[2 * next] - around[2 * nearest],
+                    around[2 * next + 1] - around[2 * nearest + 1],
+                );
+                if near.is_nan() || near <= spacing {
+                    return near;
+                }
+                // Further away several parts of the curve may be about as near.
+                let squares: Vec<f64> = (0..count).map(|k| square(&k)).collect();
+                let is_least = |k: &usize| {
+                    let [before, after] = [(k + count - 1) % count, (k + 1) % count];
+                    squares[*k] <= squares[before] && squares[*k] <= squares[after]
+                };
+                let within = |k: usize| self.distance_within(place, k as f64, count as f64);
+                (0..count).filter(is_least).map(within).fold(near, f64::min)
             })
             .collect()
+    }
+
+    /// The least distance from a place within a sample of `count` on either side of sample k, by golden section.
+    fn distance_within(&self, place: &[f64], k: f64, count: f64) -> f64 {
+        const STEPS: usize = 40;
+        let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
+        let apart = |u: f64| {
+            let (point, _) = self.at(u);
+            libm::hypot(point[0] - place[0], point[1] - place[1])
+        };
+        let (mut low, mut high) = ((k - 1.0) / count, (k + 1.0) / count);
+        let (mut a, mut b) = (high - golden * (high - low), low + golden * (high - low));
+        let (mut of_a, mut of_b) = (apart(a), apart(b));
+        for _ in 0..STEPS {
+            if of_a < of_b {
+                (high, b, of_b) = (b, a, of_a);
+                a = high - golden * (high - low);
+                of_a = apart(a);
+            } else {
+                (low, a, of_a) = (a, b, of_b);
+                b = low + golden * (high - low);
+                of_b = apart(b);
+            }
+        }
+        if of_a < of_b { of_a } else { of_b }
     }
 
     /// By Newton's method for (K − z)·K′ = 0 from a place near.
@@ -180,7 +222,7 @@ impl InvariantCircle {
         let mut least = libm::hypot(first[0], first[1]);
         for _ in 0..STEPS {
             let (off, slope) = apart(u);
-            // The curvature is left out: the points are near the curve.
+            // The curvature is left out: it does not matter near the curve.
             let step = (off[0] * slope[0] + off[1] * slope[1])
                 / (slope[0] * slope[0] + slope[1] * slope[1]);
             u -= step;

@@ -16,11 +16,13 @@ pub struct SymmetryLine {
     pub from: f64,
     /// The end of the part with the larger coordinate.
     pub to: f64,
-    /// The number of points at which the line is looked at, evenly spaced, with both ends. Of two orbits between
-    /// neighbouring points none may be found.
+    /// The number of points at which the line is looked at, evenly spaced, with both ends, at most 2²⁰. Of two orbits
+    /// between neighbouring points none may be found.
     pub samples: usize,
 }
 
+/// The most samples of a line, whose images are all kept.
+const MOST_SAMPLES: usize = 1 << 20;
 /// Halvings of an interval between two samples: to rounding.
 const HALVINGS: usize = 60;
 /// Points nearer to one another, over 1 + |z|, are the same.
@@ -34,7 +36,7 @@ impl SymmetryLine {
             let found = format!("from {} to {}", self.from, self.to);
             return Err(Error::invalid("line", found, "ends in ascending order"));
         }
-        Error::check_count_range("line: samples", self.samples, 2, usize::MAX)
+        Error::check_count_range("line: samples", self.samples, 2, MOST_SAMPLES)
     }
 
     /// The coordinate that is 0 on the line.

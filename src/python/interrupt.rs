@@ -28,6 +28,11 @@ pub(super) fn interruptible<T: Send>(
     }
 }
 
+/// Whether what a callback returned lets a computation go on: only False, also that of NumPy, does not.
+pub(super) fn goes_on_after(answer: &Bound<'_, PyAny>) -> bool {
+    !matches!(answer.extract::<bool>(), Ok(false))
+}
+
 /// Whether a computation on another thread is to end.
 #[derive(Clone, Default)]
 pub(super) struct Stop(Arc<AtomicBool>);

@@ -270,8 +270,8 @@ impl Model {
         array(py, states, points.shape(&[request.kept()], &[dim]))
     }
 
-    /// The preimages of `points`, (..., 2n), under one step: an array of the same shape, in units of the data. Raises
-    /// Error as `predict`.
+    /// The preimages of `points`, (..., 2n), under one step: an array of the same shape, in units of the data; NaN where
+    /// there is none. Raises Error of points that are not of finite numbers.
     fn inverse<'py>(
         &self,
         py: Python<'py>,
@@ -288,7 +288,8 @@ impl Model {
     }
 
     /// The Jacobians of one step at `points`, (..., 2n), by the chain rule, in units of the data: (..., 2n, 2n), where
-    /// [..., i, k] is the derivative of coordinate i by coordinate k. Raises Error as `predict`.
+    /// [..., i, k] is the derivative of coordinate i by coordinate k; NaN where the point has no image. Raises Error of
+    /// points that are not of finite numbers.
     fn jacobian<'py>(
         &self,
         py: Python<'py>,
@@ -302,8 +303,8 @@ impl Model {
     }
 
     /// The invariant of the network at `points`, (..., 2n), in units of an action of the data: (...). For a gyroceptron
-    /// it is the adiabatic invariant, for a network in normal form the sum of the actions. Raises Error as `predict`,
-    /// and of networks that own no invariant.
+    /// it is the adiabatic invariant, for a network in normal form the sum of the actions; NaN where it is no number.
+    /// Raises Error of points that are not of finite numbers, and of networks that own no invariant.
     fn invariant<'py>(
         &self,
         py: Python<'py>,
@@ -495,7 +496,9 @@ impl Model {
         if epsilon.is_some() || flow_time.is_some() {
             trained = None;
         }
-        Ok(Self { stored: stored.member(epsilon, flow_time)?, trained })
+        let stored = stored.member(epsilon, flow_time)?;
+        stored.beyond_learnt().map_or(Ok(()), |note| warn(py, &note))?;
+        Ok(Self { stored, trained })
     }
 
     /// The controls on which the model depends: a dictionary of the ranges (low, high) that it has learnt. The model is
@@ -551,6 +554,10 @@ impl Model {
         controls: Option<&Bound<'py, PyDict>>,
     ) -> PyResult<(f64, Bound<'py, PyArray1<f64>>)> {
         let values = controls::checked(py, &self.stored, controls)?;
+        for (name, point) in [("start", start), ("centre", centre)] {
+            point.iter().try_for_each(|v| Error::check_finite(name, *v))?;
+        }
+        Error::check_count_range("steps", steps, 4, usize::MAX)?;
         let of = || self.stored.rotation_response(&values, start, centre, steps);
         let (turns, changes) = measured(py, of)?;
         Ok((turns, PyArray1::from_vec(py, changes)))

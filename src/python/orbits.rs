@@ -342,7 +342,11 @@ pub(super) fn rotation_number<'py>(
     }
     Error::check_finite("near", near)?;
     centre.iter().try_for_each(|v| Error::check_finite("centre", *v))?;
-    let angle = |z: &[f64]| libm::atan2(z[1] - centre[1], z[0] - centre[0]);
+    let angle = |z: &[f64]| match [z[0] - centre[0], z[1] - centre[1]] {
+        // The centre is at no angle.
+        [0.0, 0.0] => f64::NAN,
+        [x, y] => libm::atan2(y, x),
+    };
     let found = py.detach(|| {
         Ok::<_, Error>(rotation_numbers(&Trajectories::new(values, 2, count)?, near, angle))
     })?;

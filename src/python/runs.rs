@@ -1,5 +1,6 @@
 //! Scenes from Python: a run in this process, and its jobs for an engine that schedules.
 
+use super::interrupt::goes_on_after;
 use crate::error::Error;
 use crate::scene::{
     Event, Folder, Job, JobEnd, JobRequest, MergeEnd, Observer, Scene, check_merge, merge, parse,
@@ -29,7 +30,7 @@ impl RunObserver<'_> {
         let validation = of_iteration.and_then(|(.., validation)| validation);
         let goes_on = Python::attach(|py| -> PyResult<bool> {
             let answer = callback.bind(py).call1((name, iteration, loss, validation))?;
-            Ok(answer.is_none() || answer.is_truthy()?)
+            Ok(goes_on_after(&answer))
         });
         match goes_on {
             Ok(true) => return,

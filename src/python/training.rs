@@ -3,6 +3,7 @@
 use super::arrays::{Rows, dof_of, numbers_of, rows_of};
 use super::circles::Circles;
 use super::controls::columns_of;
+use super::interrupt::goes_on_after;
 use super::model::Model;
 use super::trained::{Trained, warn};
 use crate::error::Error;
@@ -161,7 +162,7 @@ impl TrainingObserver for Calling<'_> {
             py.check_signals()?;
             let Some(callback) = self.callback else { return Ok(true) };
             let answer = callback.bind(py).call1(told)?;
-            Ok(answer.is_none() || answer.is_truthy()?)
+            Ok(goes_on_after(&answer))
         });
         match goes_on {
             Ok(true) => return Ok(Control::Continue),
@@ -329,7 +330,14 @@ pub(super) fn train(
     }
     let (name, recipe) = recipe_of(recipe, scene)?;
     let action = circle_action.given()?;
-    let dof = action.as_ref().map_or_else(|| dof_of("input", &input), |action| Ok(action.dof()))?;
+    let dof = match (&action, dof_of("input", &input)) {
+        (None, dof) => dof?,
+        (Some(action), Ok(dof)) => {
+            Error::check_count("circle_action: weights", dof, action.dof())?;
+            dof
+        }
+        (Some(action), Err(_)) => action.dof(),
+    };
     let (input, output) = (rows_of("input", &input, dof)?, rows_of("output", &output, dof)?);
     let pairs = Pairs::new("pairs", dof, input, output)?;
     let ((epsilon, epsilons), (flow_time, times)) =
@@ -474,6 +482,7 @@ fn next_call(step: NextStep) -> String {
     match step {
         NextStep::Predict => "model.predict(points, steps)".into(),
         NextStep::NormalForm => with("architecture=\"normal-form\", optimiser=\"lm\""),
+        NextStep::Couplings => with("architecture=\"coupling-gyroceptron\""),
         NextStep::Action => with("circle_action=\"auto\""),
         NextStep::Iterations(iterations) => with(&format!("iterations={iterations}")),
         NextStep::HoldOut => with(&format!("validation={}", Fit::HELD_OUT)),

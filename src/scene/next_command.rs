@@ -26,6 +26,14 @@ pub fn next_command(typed: &[String], step: NextStep, model: &Path) -> String {
             let added = ["--architecture", "normal-form", "--optimiser", "lm", "--overwrite"];
             with(&[&of_others[..], &penalty].concat(), &added)
         }
+        NextStep::Couplings => {
+            let of_others =
+                ["--architecture", "--recipe", "--psi", "--near-identity", "--layers", "--kicks"];
+            let more = ["--twists", "--turned-twists", "--perturbation", "--radius", "--reversor"];
+            let penalty = ["--near-identity-penalty"];
+            let added = ["--architecture", "coupling-gyroceptron", "--overwrite"];
+            with(&[&of_others[..], &more, &penalty].concat(), &added)
+        }
         NextStep::Action => {
             with(&["--circle-action", "--theta"], &["--circle-action", "auto", "--overwrite"])
         }

@@ -34,6 +34,8 @@ pub enum NextStep {
     Predict,
     /// Train a gyroceptron in normal form in place of the network.
     NormalForm,
+    /// Train a gyroceptron of couplings, which need not keep areas, in place of the network.
+    Couplings,
     /// Find the circle action from the pairs, in place of the one that was given.
     Action,
     /// Go on, up to this number of iterations.
@@ -82,6 +84,9 @@ impl NextStep {
             let all = problem.pairs.len() + judgement.held_out.unwrap_or(0);
             let enough = Fit::HELD_OUT * all as f64 >= Judgement::FEWEST as f64;
             return if enough { Self::HoldOut } else { Self::Pairs(problem.pairs.len()) };
+        }
+        if judgement.limit == Limit::Areas && outcome.model.architecture().circles.len() <= 1 {
+            return Self::Couplings;
         }
         if judgement.limit == Limit::Data {
             // Held-out pairs of a machine are those of values that the training has not seen.
@@ -134,6 +139,9 @@ impl NextStep {
                 "the circle action turns the planes of the data, where a normal form learns more \
                  and keeps its invariant exactly"
                     .into()
+            }
+            Self::Couplings => {
+                "the pairs change areas, as with friction: the network keeps them, and couplings need not".into()
             }
             Self::Action => {
                 "little is learnt with the circle action that was given; short trainings may find another"

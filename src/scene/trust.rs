@@ -116,6 +116,7 @@ pub(super) fn trust(judgement: &Judgement) -> Findings {
             Limit::Iterations => "iterations",
             Limit::Network => "network",
             Limit::Unknown => "unknown",
+            Limit::Areas => "areas",
         },
         "orbits": orbits.as_ref().map(|orbits| orbits.count),
         "astray": orbits.as_ref().map(|orbits| orbits.astray),

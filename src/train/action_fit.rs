@@ -204,7 +204,12 @@ fn plane_angles(pairs: &Pairs) -> Result<Vec<f64>, Error> {
         (0..dim).map(of).collect()
     };
     let (of_input, of_output) = (moments(pairs.input()), moments(pairs.output()));
-    if of_input.iter().any(|(_, size)| *size == 0.0) || pairs.len() <= dim {
+    if let Some(column) = of_input.iter().position(|(_, size)| *size == 0.0) {
+        let name = format!("input: column {column} (counted from 0)");
+        let found = format!("{} in all pairs", of_input[column].0);
+        return Err(Error::invalid(&name, found, "one that varies"));
+    }
+    if pairs.len() <= dim {
         return Err(unfit());
     }
     let mut normal = Mat::<f64>::zeros(dim, dim);

@@ -136,7 +136,7 @@ impl From<Pairs> for FamilyPairs {
 }
 
 /// The largest relative error of a density of a section that is not warned of.
-const SURE_DENSITY: f64 = 1e-6;
+pub(super) const SURE_DENSITY: f64 = 1e-6;
 
 /// A note on what a fit found or chose.
 #[derive(Clone, Debug, PartialEq)]
@@ -151,6 +151,10 @@ pub enum FitNote {
     NegativeEpsilons(usize, usize),
     /// The pairs are in the charts of a section.
     Section(Section),
+    /// The density of the section of a polynomial has this relative error.
+    Density(f64),
+    /// The first number of held-out pairs, out of the second, have inputs that fitted pairs have too.
+    Repeated(usize, usize),
     /// The pairs do not preserve the area form that the network preserves; true for pairs in the
     /// charts of a section.
     Form(FormDefect, bool),
@@ -187,6 +191,17 @@ impl fmt::Display for FitNote {
                     false => Ok(()),
                 }
             }
+            Self::Density(error) => write!(
+                f,
+                "the density of the section errs by {error:.1e} of its largest value: in the columns of the data the \
+                 map keeps areas to no more than that, and errs by as much. Take a density on a finer grid, a smoother \
+                 one, or one with more digits"
+            ),
+            Self::Repeated(count, all) => write!(
+                f,
+                "{count} of {all} held-out pairs have inputs that fitted pairs have too: their error says nothing of \
+                 points between"
+            ),
             Self::Controls(controls, held_out) => {
                 write!(f, "{}. ", controls.describe())?;
                 match held_out {
@@ -226,6 +241,8 @@ impl FitNote {
         match self {
             Self::Reading(_)
             | Self::NegativeEpsilons(..)
+            | Self::Density(_)
+            | Self::Repeated(..)
             | Self::Form(..)
             | Self::Reversal(_)
             | Self::Mirror(_) => true,
@@ -334,7 +351,7 @@ impl Fit {
         }
         any.check()?;
         self.training.check_for(&any)?;
-        self.training.loss.check(action.dof()).map_err(|e| e.with_place("loss weights"))
+        self.training.loss.check(action.dof())
     }
 
     /// The network that is recommended.
@@ -544,6 +561,7 @@ impl Fit {
         notes: &mut Vec<FitNote>,
         go_on: &mut GoOn<'_>,
     ) -> Result<(TorusAction, Option<TwoFits>), Error> {
+        data.pairs.check_squares(&self.place)?;
         let known = self.section.as_ref().map_or(0.0, Section::error);
         let fits = TwoFits::of(&data.pairs);
         let defect = match &fits {

@@ -31,11 +31,16 @@ pub enum Limit {
     Network,
     /// The loss is at rest, and without held-out pairs nothing says whether more pairs or another network would help.
     Unknown,
+    /// The network keeps areas, and the pairs do not, by about as much as it errs.
+    Areas,
 }
 
 /// The ratio of the final loss to that after nine tenths of the iterations above which the loss is
 /// at rest.
 const AT_REST: f64 = 0.9;
+/// An error of at most so many times the share by which pairs change areas is one that no weights of a network that
+/// keeps areas avoid: a contraction by s moves points by s/2 of their distance from where it leads.
+const OF_AREAS: f64 = 10.0;
 /// The ratio of the held-out error to the loss above which pairs are learnt by heart.
 const BY_HEART: f64 = 2.0;
 
@@ -60,7 +65,7 @@ pub fn limit(loss: f64, validation: Option<f64>, history: &[TrainingRecord]) -> 
 }
 
 /// How many held-out pairs have an input, bit for bit, that a training pair of the same map has.
-fn repeated_inputs(training: &Pairs, held_out: &Pairs) -> usize {
+pub(super) fn repeated_inputs(training: &Pairs, held_out: &Pairs) -> usize {
     let inputs = |pairs: &Pairs| -> Vec<Vec<u64>> {
         let rows = pairs.runs().into_iter().flat_map(|(condition, input, _)| {
             let of = condition.map(|c| [&[c.epsilon, c.time], &c.controls[..]].concat());
@@ -105,6 +110,10 @@ impl Limit {
             }
             Self::Unknown => {
                 "nothing says it: the loss is at rest, and no pairs were held out to tell the network from the data"
+            }
+            Self::Areas => {
+                "the pairs: they change areas, by about as much as the network errs, which keeps areas whatever its \
+                 weights; a coupling gyroceptron does not"
             }
         }
     }
@@ -428,11 +437,16 @@ impl Judgement {
         for defect in defects {
             match defect {
                 AreaDefect::Pairs(share) if !(STEPS as f64 * share <= LITTLE) => {
+                    let comes_to = match STEPS as f64 * share {
+                        all if all < 1.0 => format!("in {STEPS} steps this may come to {}", percent(all)),
+                        _ => format!("in {} steps by about their own size", (1.0 / share).ceil()),
+                    };
                     self.no_long_orbits.push(format!(
-                        "the pairs change areas by {share:.1e} a step, which the network keeps exactly: in {STEPS} \
-                         steps this may come to {}",
-                        percent(STEPS as f64 * share)
+                        "the pairs change areas by {share:.1e} a step, which the network keeps exactly: {comes_to}"
                     ));
+                    if self.planes[self.worst].share <= OF_AREAS * share {
+                        self.limit = Limit::Areas;
+                    }
                 }
                 AreaDefect::Density(share) if !(share <= LITTLE) => self.care.push(format!(
                     "the density of the section errs by {share:.1e}: the areas that the network keeps are known to no \

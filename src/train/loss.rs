@@ -99,7 +99,7 @@ impl Loss {
             Self::Weighted { weights } => {
                 Error::check_count("loss weights", dof, weights.len())?;
                 if let Some(bad) = weights.iter().find(|w| !(w.is_finite() && **w >= 0.0)) {
-                    return Err(Error::invalid("loss weight", bad, "a finite number ≥ 0"));
+                    return Err(Error::invalid("loss weights", bad, "a finite number ≥ 0"));
                 }
                 Ok(weights.iter().chain(weights).copied().collect())
             }
@@ -114,7 +114,7 @@ impl Loss {
                 let largest = weights.iter().copied().fold(0.0, max_or_nan);
                 let positive = |w: &&f64| w.is_finite() && **w > 0.0;
                 if let Some(bad) = weights.iter().find(|w| !positive(w)) {
-                    return Err(Error::invalid("loss weight", bad, "a finite number > 0"));
+                    return Err(Error::invalid("loss weights", bad, "a finite number > 0"));
                 }
                 let times = 2 * dof / weights.len();
                 let sum = times as f64 * weights.iter().map(|w| w / largest).sum::<f64>();

@@ -1,5 +1,7 @@
 //! From pairs to a symplectic polynomial.
 
+use super::fit::SURE_DENSITY;
+use super::judgement::repeated_inputs;
 use super::{Control, FitNote, MirrorDefect, ReversalDefect};
 use crate::error::Error;
 use crate::flow::{Pairs, PolynomialOnSection, Symmetries, SymplecticPolynomial, TwoFits};
@@ -128,6 +130,9 @@ impl PolynomialFit {
             let expected = "a share that is at least one pair, by which to choose the degree";
             return Err(Error::invalid("validation", found, expected));
         }
+        let repeated = held_out
+            .as_ref()
+            .map_or([0; 2], |held_out| [repeated_inputs(&pairs, held_out), held_out.len()]);
         let judged = |map: &PolynomialOnSection, pairs: &Pairs| -> Result<(f64, f64), Error> {
             Ok((map.error_on(pairs)?, largest_share(map, pairs, &spreads)?))
         };
@@ -195,16 +200,23 @@ impl PolynomialFit {
                 pairs: pairs.len(),
                 held_out: held_out.as_ref().map_or(0, Pairs::len),
                 digest,
-                notes: self.notes(&all)?,
+                notes: self.notes(&all, repeated)?,
             }),
             (None, Some(reason)) => Err(reason),
             (None, None) => unreachable!("the first degree is tried"),
         }
     }
 
-    /// What is to be said of the pairs.
-    fn notes(&self, pairs: &Pairs) -> Result<Vec<FitNote>, Error> {
+    /// What is to be said of the pairs, of which so many out of all held-out ones repeat inputs.
+    fn notes(
+        &self,
+        pairs: &Pairs,
+        [repeated, held_out]: [usize; 2],
+    ) -> Result<Vec<FitNote>, Error> {
         let mut notes = Vec::new();
+        notes.extend((repeated > 0).then_some(FitNote::Repeated(repeated, held_out)));
+        let error = self.section.as_ref().map_or(0.0, Section::error);
+        notes.extend((!(error <= SURE_DENSITY)).then_some(FitNote::Density(error)));
         let canonical = match &self.section {
             None => pairs.clone(),
             Some(section) => pairs.transformed("pairs", |_, points| {
