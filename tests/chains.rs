@@ -84,6 +84,9 @@ fn chains_are_found_on_the_line_of_symmetry() {
         let (image, j) = symmetric(0.205, &[z[1], z[0]])?;
         Ok((vec![image[1], image[0]], vec![j[3], j[2], j[1], j[0]]))
     };
+    let other = line(-0.6, 0.6, 1 << 40);
+    let message = symmetric_periodic_orbits(&map, &other, 1).expect_err("refused").to_string();
+    assert!(message.contains("line: samples"), "{message}");
     let other = SymmetryLine { reversor: Reversor::Positions, ..line(-0.6, 0.6, 400) };
     assert_eq!(symmetric_periodic_orbits(&map, &other, 5).expect("found").len(), 2);
 }

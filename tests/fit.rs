@@ -6,6 +6,7 @@ use gyroceptron::layer::TorusAction;
 use gyroceptron::network::LayerSizes;
 use gyroceptron::prelude::*;
 use gyroceptron::random::Stream;
+use gyroceptron::scene::NextStep;
 use gyroceptron::train::{
     ActionFit, AreaDefect, Checkpoint, Control, FamilyPairs, FitNote, FitOptions, Judgement, Limit,
     Loss, Optimiser, Outcome, Plateau, Progress, RampStage, Reading, Recipe, Starts, Stop,
@@ -446,19 +447,48 @@ fn areas_that_change_are_no_ground_for_long_orbits() {
     assert_eq!(judged(Some(AreaDefect::Density(1.1e-2))), [0, 1]);
 }
 
-/// Pairs with friction are those of no symplectic network, and no fault of one that has friction.
-#[test]
-fn friction_is_a_note_on_symplectic_networks_alone() {
+/// Pairs of a rotation of the first plane and a drift in the second, which shrink by this factor.
+fn with_friction(count: usize, factor: f64) -> Pairs {
     let mut stream = Stream::new(3, "friction");
     let (mut input, mut output) = (Vec::new(), Vec::new());
-    for _ in 0..150 {
+    for _ in 0..count {
         let z: [f64; 4] = std::array::from_fn(|_| stream.uniform(-1.0, 1.0));
         let (s, c) = 0.7_f64.sin_cos();
         let turned = [c * z[0] + s * z[2], z[1] + 0.02 * z[3], c * z[2] - s * z[0], z[3]];
         input.extend(z);
-        output.extend(turned.map(|v| 0.98 * v));
+        output.extend(turned.map(|v| factor * v));
     }
-    let pairs = Pairs::new("friction", 2, input, output).expect("pairs");
+    Pairs::new("friction", 2, input, output).expect("pairs")
+}
+
+/// Of pairs with much friction no weights of a symplectic network err less: couplings are what to try, not more of
+/// the same.
+#[test]
+fn couplings_are_advised_for_friction() {
+    let network = |name: &str| NetworkSpec::named(name).expect("a name");
+    let small = LayerSizes::uniform(2, 4);
+    let couplings = network("coupling-gyroceptron").with_size("psi", small);
+    let couplings = couplings.and_then(|of| of.with_size("near_identity", small)).expect("sizes");
+    for (network, factor, advised) in
+        [(self::small(), 0.9, true), (self::small(), 1.0, false), (couplings, 0.9, false)]
+    {
+        let fit = Fit { network: Some(network), ..fit().with_iterations(60) };
+        let fitted = fit.run(with_friction(400, factor)).expect("trains");
+        let judgement = fitted.judgement().expect("judged");
+        assert_eq!(judgement.limit == Limit::Areas, advised, "{judgement}");
+        assert_eq!(NextStep::of(&fitted, &judgement) == NextStep::Couplings, advised);
+        if advised {
+            // No share of more than all of it.
+            let text = judgement.to_string();
+            assert!(text.contains("in 6 steps by about their own size"), "{text}");
+        }
+    }
+}
+
+/// Pairs with friction are those of no symplectic network, and no fault of one that has friction.
+#[test]
+fn friction_is_a_note_on_symplectic_networks_alone() {
+    let pairs = with_friction(150, 0.98);
     let notes = |name: &str| {
         let network = NetworkSpec::named(name).expect("a name");
         let action = Some(CircleAction::new([1, 0]).into());

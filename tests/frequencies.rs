@@ -54,6 +54,26 @@ fn lines_of_a_spectrum_are_found() {
     assert!(spectral_lines(&broken, 1).is_empty());
 }
 
+/// A turn or two of the whole orbit beside a mean, which the window does not tell apart at once; less is not known.
+#[test]
+fn slow_tunes_are_exact_or_not_known() {
+    let of = |turns: f64, mean: [f64; 2]| {
+        let states = signal(&[(-turns / 1024.0, [0.7, 0.2]), (0.0, mean)], 1024);
+        let orbit = Trajectories::new(states.concat(), 2, 1).expect("states");
+        1024.0 * tunes(&orbit)[0].turns[0]
+    };
+    for mean in [[0.0; 2], [3.0, -1.0]] {
+        for turns in [1.5, 2.0, 3.1, 4.0, 8.0, 15.0, 40.0] {
+            let found = of(turns, mean);
+            assert!((found - turns).abs() < 1e-7, "{turns} {mean:?}: {found}");
+        }
+        for turns in [0.2, 0.5, 0.8] {
+            let found = of(turns, mean);
+            assert!(found.is_nan() || (found - turns).abs() < 1e-4, "{turns} {mean:?}: {found}");
+        }
+    }
+}
+
 /// A pair of pendulum-like maps that do not know of each other, from [`rotation_numbers`] by another way; and chaos.
 #[test]
 fn tunes_are_rotation_numbers_and_tell_chaos() {

@@ -6,13 +6,14 @@ use gyroceptron::layer::{CircleAction, TorusAction};
 use gyroceptron::network::{
     Architecture, Block, InitialWeights, LayerSizes, Layers, Model, NetworkSpec, Part, Scale,
 };
-use gyroceptron::phase::Map;
+use gyroceptron::phase::{AreaDensity, Map, Section};
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::max_or_nan;
 use gyroceptron::system::{FieldLines, System};
 use gyroceptron::train::{
-    Checkpoint, Control, Fit, InitialModels, LevenbergMarquardtOptions, Optimiser, Progress,
-    RampStage, Rings, Stop, TrainingObserver, TrainingOptions, TrainingStage, train,
+    Checkpoint, Control, Fit, FitNote, InitialModels, LevenbergMarquardtOptions, Optimiser,
+    PolynomialFit, Progress, RampStage, Rings, Stop, TrainingObserver, TrainingOptions,
+    TrainingStage, train,
 };
 use std::f64::consts::TAU;
 
@@ -329,4 +330,38 @@ fn twists_begin_with_the_angles_of_rings() {
     let twist = Block::new(Part::SlowMap, Layers::Twist(vec![3])).scaled(Scale::Time);
     let architecture = Architecture::new(1).on_torus(&action).with(twist);
     assert!(Rings::for_start(&architecture, &options, &pairs).is_none());
+}
+
+/// A density on a coarse grid limits what a polynomial on its section keeps, which is said.
+#[test]
+fn a_coarse_density_is_said() {
+    let section = |count: usize| {
+        let axis = |low: f64, high: f64| -> Vec<f64> {
+            let share = |k: usize| k as f64 / (count - 1) as f64;
+            (0..count).map(|k| low + (high - low) * share(k)).collect()
+        };
+        let (x, y) = (axis(0.9, 2.5), axis(-0.5, 0.5));
+        let values: Vec<f64> = y.iter().flat_map(|_| x.iter().map(|x| 1.0 / x)).collect();
+        Section::of_plane(AreaDensity::of_grid(&x, &y, &values, 1.0).expect("positive"))
+    };
+    // A turn about (x, y) = (1.5, 0) in ln x and y keeps dx∧dy/x.
+    let (sin, cos) = 0.7_f64.sin_cos();
+    let input: Vec<f64> = points(200, 2, 0.3);
+    let of = |turned: bool| -> Vec<f64> {
+        let at = |z: &[f64]| match turned {
+            true => [1.5 * (cos * z[0] + sin * z[1]).exp(), cos * z[1] - sin * z[0]],
+            false => [1.5 * z[0].exp(), z[1]],
+        };
+        input.chunks_exact(2).flat_map(at).collect()
+    };
+    let pairs = Pairs::new("pairs", 1, of(false), of(true)).expect("finite");
+    let said = |count: usize| {
+        let section = Some(section(count));
+        let fit = PolynomialFit { degree: Some(3), section, ..PolynomialFit::default() };
+        let fitted = fit.run(pairs.clone(), &mut |_| Ok(Control::Continue)).expect("fits");
+        fitted.notes.into_iter().find(|note| matches!(note, FitNote::Density(_)))
+    };
+    let note = said(9).expect("a note").to_string();
+    assert!(note.contains("the density of the section errs by"), "{note}");
+    assert_eq!(said(40), None);
 }

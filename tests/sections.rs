@@ -1829,6 +1829,16 @@ fn invariant_circles_are_fitted_to_orbits() {
         assert!((distance - 1e-3).abs() < 1e-10, "{distance}");
     }
     assert!(circle.distances(&orbit).into_iter().fold(0.0, max_or_nan) < 1e-12);
+    // Far from it too: about the middle of a flat ellipse, and beyond its centres of curvature.
+    let flat = |u: f64| [3.0 * (TAU * u).cos(), (TAU * u).sin()];
+    let orbit_of_flat: Vec<f64> = (0..400).flat_map(|n| flat(turns * f64::from(n))).collect();
+    let ellipse = InvariantCircle::of_orbit(&orbit_of_flat, turns).expect("a curve");
+    for [x, y] in [[0.0, 0.0], [1.0, 0.2], [2.7, 0.05], [-2.9, 0.0], [5.0, 4.0], [0.3, -7.0]] {
+        let far = (0..200_000).map(|k| flat(f64::from(k) / 200_000.0));
+        let least = far.map(|[a, b]| (a - x).hypot(b - y)).fold(f64::INFINITY, f64::min);
+        let found = ellipse.distances(&[x, y])[0];
+        assert!((found - least).abs() < 1e-7, "{x} {y}: {found} {least}");
+    }
     assert!(circle.distances(&[f64::NAN, 0.0])[0].is_nan());
     let (around, modes) = (circle.points(8), circle.modes());
     assert_eq!((around.len(), modes >= 3), (16, true));

@@ -26,6 +26,7 @@ use gyroceptron::measure::certificate::{
     CertificateOptions, certify, certify_all, certify_polynomial,
 };
 use gyroceptron::network::{Architecture, GyroceptronShape, InitialWeights, Model};
+use gyroceptron::phase::Section;
 use gyroceptron::random::Stream;
 use gyroceptron::scene::render::{self, terminal};
 use gyroceptron::scene::{
@@ -211,6 +212,15 @@ fn default_architecture(circle_action: CircleAction, epsilon: f64) -> Architectu
     GyroceptronShape { circle_action, psi, near_identity }.architecture(epsilon)
 }
 
+/// What a certificate says of the area of a section.
+fn section_note(section: &Section) -> String {
+    format!(
+        "the laws are tested in the canonical coordinates of the section: in the columns of the data areas are kept as \
+         well as its density is known, which errs by {:.1e} of its largest value",
+        section.error()
+    )
+}
+
 fn verify(arguments: &Verify) -> Result<Status, Error> {
     use_threads(&arguments.common)?;
     let options = CertificateOptions {
@@ -233,8 +243,9 @@ fn verify(arguments: &Verify) -> Result<Status, Error> {
                     let expected = "none: the model depends on no controls";
                     return Err(Error::invalid("--at", found, expected));
                 }
-                if stored.map.has_section() {
+                if let Some(section) = stored.map.section() {
                     coordinates = ", z in the canonical coordinates of its section";
+                    notes.push(section_note(section));
                 }
                 (path.display().to_string(), certify_polynomial(stored.map.map(), options)?)
             }
@@ -245,10 +256,10 @@ fn verify(arguments: &Verify) -> Result<Status, Error> {
                 if own_units.is_some() {
                     coordinates = ", z in the units of the network";
                 }
+                notes.extend(stored.section.as_ref().map(section_note));
                 notes.extend(
                     own_invariance_fault(&stored, &options).iter().map(ToString::to_string),
                 );
-                notes.iter().for_each(|text| line(&format!("note: {text}")));
                 (path.display().to_string(), certify(&stored.model, options))
             }
         },
@@ -275,6 +286,7 @@ fn verify(arguments: &Verify) -> Result<Status, Error> {
             )
         }
     };
+    notes.iter().for_each(|text| line(&format!("note: {text}")));
     if let Some(page) = &arguments.report {
         let command = command_line(&without_page(&typed_words()));
         let text = render::html_certificate(&target, &result, &notes, &command, &bibtex(None));

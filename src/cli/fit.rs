@@ -62,11 +62,10 @@ pub fn fit(arguments: &Fit) -> Result<Status, Error> {
         true => {
             format!("next: {}", next_command(&typed_words(), NextStep::Predict, &arguments.output))
         }
-        false => format!(
-            "So large an error is no map to follow orbits by: more pairs, a smaller region or a network \
-             (`gyroceptron train`) may do better; a coordinate that jumps, such as an angle from 2π to 0, has to be made \
-             continuous first"
-        ),
+        false => "So large an error is no map to follow orbits by: more pairs, a smaller region or a network \
+                  (`gyroceptron train`) may do better; a coordinate that jumps, such as an angle from 2π to 0, has to be \
+                  made continuous first"
+            .to_owned(),
     };
     out(&format!(
         "{}: a symplectic polynomial of degree {} with {} coefficients, {}\n{next}\n",

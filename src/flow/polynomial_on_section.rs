@@ -89,6 +89,11 @@ impl PolynomialOnSection {
         &self.region
     }
 
+    /// The section in whose chart it is, if it is in one.
+    pub fn section(&self) -> Option<&Section> {
+        self.section.as_ref()
+    }
+
     /// Whether it is in the chart of a section.
     pub fn has_section(&self) -> bool {
         self.section.is_some()

@@ -138,11 +138,16 @@ fn widths(
     block: &str,
     arguments: usize,
 ) -> Result<Vec<usize>, Error> {
-    let number = |name: &String| {
+    let layer = |name: &String| {
         let rest = name.strip_prefix(block)?.strip_prefix('.')?;
-        rest.split_once('.')?.0.parse::<usize>().ok()
+        let (number, of) = rest.split_once('.')?;
+        Some((number.parse::<usize>().ok()?, of.to_owned()))
     };
-    let count = tensors.keys().filter_map(number).max().map_or(0, |last| last.saturating_add(1));
+    let layers: Vec<(usize, String)> = tensors.keys().filter_map(layer).collect();
+    let last = layers.iter().filter(|(_, of)| of == "w_in").map(|(number, _)| *number).max();
+    let mut count = last.map_or(0, |last| last.saturating_add(1));
+    // What is left of a last layer is one that lacks it.
+    count += usize::from(layers.iter().any(|(number, _)| *number == count));
     let width = |layer: usize| {
         let name = format!("{block}.{layer}.w_in");
         let place = format!("{place}: {name}");

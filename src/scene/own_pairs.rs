@@ -4,7 +4,7 @@ use super::findings::{Block, Format, StudyFindings};
 use super::folder::Folder;
 use super::log::TrainingTimes;
 use super::machine::Machine;
-use super::predictions::{ByComponent, Judged, ORBITS, PREDICTION};
+use super::predictions::{ByComponent, Judged, ORBITS, PREDICTION, coordinates_in_words};
 use super::registry::Scene;
 use super::report::Report;
 use super::run::write;
@@ -201,7 +201,8 @@ impl OwnTraining<'_> {
         let baseline = Baseline { rotation_error: moves.then_some(rotation_error), size };
         let found = component_errors(training.outcome.model.composition(), judge)?;
         let error = root_mean_square(&found);
-        let of = ByComponent::new(found, nearest, judge, units);
+        let coordinates = coordinates_in_words(problem.section.is_some());
+        let of = ByComponent::new(found, nearest, judge, units, coordinates);
         let network = name.clone();
         let judgement = Judgement::of(&training.outcome, pairs, held_out, nearest)?
             .with_area_defects(problem.area_defects());
@@ -244,8 +245,7 @@ impl OwnTraining<'_> {
         }
         if let Some(units) = units {
             trust.results.details.push(Block::Text(format!(
-                "- {}. Errors of each component are in units of the data, all others in those of \
-                 the network.\n",
+                "- {}. Errors of each component are {coordinates}, all others in the units of the network.\n",
                 units.describe()
             )));
             trust.results.data["units"] = json!(units);
@@ -266,6 +266,7 @@ impl OwnTraining<'_> {
             training: pairs,
             held_out,
             units,
+            coordinates,
         };
         let figures = [judged.prediction()?, judged.orbits()?];
         let Scheduled { initial, stages, outcome } = training;
@@ -292,7 +293,7 @@ impl OwnTraining<'_> {
         let mut findings = findings(&[result], baseline, &training_times, true);
         findings.results.details.push(Block::Heading("Errors by component".into()));
         findings.results.details.push(Block::Text(format!(
-            "Of {} pairs, in units of the data.",
+            "Of {} pairs, {coordinates}.",
             if held_out.is_some() { "the held-out" } else { "the training" }
         )));
         findings.results.details.push(Block::Table(of.table()));

@@ -38,6 +38,16 @@ pub(super) struct Judged<'a> {
     pub(super) held_out: Option<&'a Pairs>,
     /// The units of the data, where they are not those of the pairs here.
     pub(super) units: Option<&'a Units>,
+    /// What the coordinates are in, in words: see [`coordinates_in_words`].
+    pub(super) coordinates: &'static str,
+}
+
+/// What errors by component and figures of them are in, in words.
+pub(super) fn coordinates_in_words(on_section: bool) -> &'static str {
+    match on_section {
+        true => "in the canonical coordinates of the section",
+        false => "in units of the data",
+    }
 }
 
 impl Judged<'_> {
@@ -99,11 +109,12 @@ impl Judged<'_> {
         }
         let caption = format!(
             "Predictions of one step against the truth, of {} {} pairs: each plane has a row, its q \
-             on the left and its p on the right, in units of the data. Where the rotation is most of \
+             on the left and its p on the right, {}. Where the rotation is most of \
              the motion, points lie near the line whatever is learnt beyond it: the errors by \
              component say how much that is.",
             pairs.len(),
-            self.words()
+            self.words(),
+            self.coordinates
         );
         Ok(Figure { columns: 2, ..Figure::in_a_row(PREDICTION, &caption, panels) })
     }
@@ -159,9 +170,10 @@ impl Judged<'_> {
         }
         let caption = format!(
             "Phase portraits of each plane: {count} orbits of {STEPS} steps of the network, one in \
-             {EVERY} drawn, from {} points, in units of the data. An orbit is drawn until it leaves the box of the \
+             {EVERY} drawn, from {} points, {}. An orbit is drawn until it leaves the box of the \
              pairs by more than half its width.",
-            self.words()
+            self.words(),
+            self.coordinates
         );
         Ok(Figure { columns: dof.min(3), ..Figure::in_a_row(ORBITS, &caption, panels) })
     }
@@ -181,6 +193,8 @@ pub(super) struct ByComponent {
     sizes: Vec<f64>,
     /// Of each plane, over what the nearest rotation leaves of it.
     planes: Vec<f64>,
+    /// What the errors are in, in words.
+    coordinates: &'static str,
 }
 
 impl ByComponent {
@@ -192,6 +206,7 @@ impl ByComponent {
         (action, angles): (&TorusAction, &[f64]),
         judge: &Pairs,
         units: Option<&Units>,
+        coordinates: &'static str,
     ) -> Self {
         let (dim, dof) = (errors.len(), errors.len() / 2);
         let motions = plane_motions(action, angles, judge);
@@ -223,7 +238,7 @@ impl ByComponent {
                 values.iter_mut().zip(units.factors()).for_each(|(value, s)| *value *= s);
             }
         }
-        Self { errors, shares, sizes, planes }
+        Self { errors, shares, sizes, planes, coordinates }
     }
 
     /// The plane of the largest share, from 0.
@@ -237,12 +252,12 @@ impl ByComponent {
         let (dim, dof) = (self.errors.len(), self.planes.len());
         let of = |k: usize| format!("{:.2e} in {}", self.errors[k], coordinate(k, dim));
         format!(
-            "plane {} errs most, by {} of what the nearest rotation leaves of it: {} and {} (rms, \
-             in units of the data)",
+            "plane {} errs most, by {} of what the nearest rotation leaves of it: {} and {} (rms, {})",
             worst + 1,
             Format::Percent.number(self.planes[worst]),
             of(worst),
-            of(dof + worst)
+            of(dof + worst),
+            self.coordinates
         )
     }
 

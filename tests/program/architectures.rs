@@ -1,6 +1,6 @@
 //! Training of each kind of network.
 
-use crate::helpers::{folder, last_numbers, refuses, succeeds, text};
+use crate::helpers::{call, folder, last_numbers, refuses, succeeds, text};
 use gyroceptron::flow::{Pairs, Window, sample};
 use gyroceptron::io::{load_model, write_pairs, write_points};
 use gyroceptron::network::{Rollout, rollout};
@@ -102,6 +102,14 @@ fn a_normal_form_is_trained_and_keeps_its_action() {
         let other = ["import", "--weights", weights, "--circle-action", "0,1", "--epsilon", "0.01"];
         let other = [&other[..], &["--output", "other.json"]].concat();
         refuses(path, &other, &["--circle-action: expected 1,0", weights, "found 0,1"]);
+        let others = [("--epsilon", "0.02"), ("--flow-time", "1.5")];
+        for (option, value) in others {
+            let alone = ["import", "--weights", weights, "--output", "other.json", option, value];
+            refuses(path, &alone, &[option, "of which", weights, value]);
+        }
+        // The file says all.
+        std::fs::remove_file(path.join("back.json")).expect("removed");
+        succeeds(path, &["import", "--weights", weights, "--output", "back.json"]);
         if weights == "w.npz" {
             let back = load_model(&path.join("back.json")).expect("a model").model;
             assert_eq!(back.architecture(), stored.model.architecture());
@@ -182,6 +190,13 @@ fn a_family_is_trained_and_asked_for_another_member() {
     let with = |more: &[&'static str]| [&predict[..], &["--output", "u.npy"], more].concat();
     refuses(path, &with(&["--flow-time", "0"]), &["flow_time", "0", "positive"]);
     refuses(path, &with(&["--epsilon", "nan"]), &["epsilon", "NaN"]);
+    // What no pairs are of is said, or stops it.
+    let beyond = ["--epsilon", "0.05", "--flow-time", "20"];
+    let said = succeeds(path, &with(&beyond));
+    let note = "ε = 0.05 is outside of what the model has learnt, 0.01 to 0.02; flow time = 20 is";
+    assert!(text(&said.stderr).contains(note), "{}", text(&said.stderr));
+    let stopped = call(path, &with(&[&beyond[..], &["--overwrite", "--outside", "stop"]].concat()));
+    assert_eq!(stopped.status.code(), Some(1));
 }
 
 /// 9,000 pairs of one flow time and nothing else told. Two minutes in a release build:
@@ -276,6 +291,7 @@ fn couplings_are_trained_on_pairs_with_friction() {
         let import = ["import", "--weights", weights, "--circle-action", "1", "--epsilon", "0.05"];
         let import = [&import[..], &["--output", "back.json"]].concat();
         if weights == "w.npz" {
+            without_architecture(&path.join(weights));
             refuses(path, &import, &["--flow-time", "couplings"]);
             succeeds(path, &[&import[..], &["--flow-time", "3.3"]].concat());
         } else {

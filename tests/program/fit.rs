@@ -147,6 +147,57 @@ fn a_polynomial_is_fitted_predicts_and_is_certified() {
     assert_eq!(shown["certificate"]["rows"].as_array().expect("rows").len(), 6);
 }
 
+/// Held-out pairs that repeat inputs, too few different ones, and errors that are no map are said.
+#[test]
+fn fits_say_what_their_error_is_worth() {
+    let folder = folder();
+    let path = folder.path();
+    write_files(path);
+    let mut stream = Stream::new(6, "points");
+    let few: Vec<f64> = (0..60).map(|_| stream.uniform(-0.6, 0.6)).collect();
+    let input = few.repeat(20);
+    let mut output = input.clone();
+    output.chunks_mut(2).for_each(kicked);
+    let noisy: Vec<f64> = output.iter().map(|v| v + stream.uniform(-0.05, 0.05)).collect();
+    for (name, output) in [("repeated.npz", output), ("noisy.npz", noisy)] {
+        let pairs = Pairs::new("pairs", 1, input.clone(), output).expect("pairs");
+        write_pairs(&path.join(name), &pairs).expect("written");
+    }
+    let words = ["fit", "--output", "map.json", "--overwrite", "--data"];
+    let fitted = succeeds(path, &[&words[..], &["repeated.npz", "--degree", "4"]].concat());
+    let said = text(&fitted.stderr);
+    assert!(said.contains("60 of 60 held-out pairs have inputs that fitted pairs have"), "{said}");
+    let refused = [&words[..], &["repeated.npz", "--degree", "12"]].concat();
+    refuses(path, &refused, &["repeated.npz", "30 different inputs"]);
+    let fitted = succeeds(path, &[&words[..], &["noisy.npz", "--degree", "3"]].concat());
+    let shown = text(&fitted.stdout);
+    assert!(shown.contains("no map to follow orbits by") && !shown.contains("next:"), "{shown}");
+}
+
+/// The file that a prediction is compared with is not written over, and may begin elsewhere.
+#[test]
+fn predictions_are_compared_with_files_that_stay() {
+    let folder = folder();
+    let path = folder.path();
+    write_files(path);
+    succeeds(path, &["fit", "--data", "pairs.npz", "--output", "map.json", "--degree", "6"]);
+    let truth = std::fs::read(path.join("truth.npy")).expect("there");
+    let words = ["predict", "--model", "map.json", "--input", "z.npy", "--steps", "20"];
+    let words = [&words[..], &["--every", "10", "--overwrite", "--output"]].concat();
+    let same = [&words[..], &["truth.npy", "--compare", "truth.npy"]].concat();
+    refuses(path, &same, &["--output", "truth.npy", "another file"]);
+    assert!(std::fs::read(path.join("truth.npy")).expect("there") == truth);
+    let shown = succeeds(path, &[&words[..], &["t.npy", "--compare", "truth.npy"]].concat());
+    assert!(!text(&shown.stdout).contains("after 0 steps"));
+    let mut moved = last_numbers(&path.join("truth.npy"), 18);
+    moved[0] += 0.25;
+    write_points(&path.join("moved.npy"), &[3, 3, 2], &moved).expect("written");
+    let shown = succeeds(path, &[&words[..], &["t.npy", "--compare", "moved.npy"]].concat());
+    let (said, shown) = (text(&shown.stderr), text(&shown.stdout));
+    assert!(said.contains("moved.npy: the other trajectories do not begin at"), "{said}");
+    assert!(shown.contains("after 0 steps 1.44e-1 (rms), 2.50e-1 at most"), "{shown}");
+}
+
 #[test]
 fn what_cannot_be_fitted_or_predicted_is_refused() {
     let folder = folder();

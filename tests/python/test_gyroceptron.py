@@ -171,6 +171,13 @@ def test_a_callback_follows_stops_and_raises(tmp_path, pairs):
             )
         assert not calls
 
+    for nothing in (None, 0, "", np.float64(0)):
+        goes_on = gyroceptron.train(
+            *pairs, [1, 0], recipe="paper", iterations=3, callback=lambda *told, nothing=nothing: nothing
+        )
+        assert goes_on.history[-1]["iteration"] == 3, nothing
+    stopped = gyroceptron.train(*pairs, [1, 0], recipe="paper", iterations=1000, callback=lambda *told: np.bool_(False))
+    assert stopped.history[-1]["iteration"] <= 1
     stopped = gyroceptron.train(*pairs, [1, 0], recipe="paper", iterations=1000, callback=lambda *told: told[1] < 5)
     assert stopped.validation > 0 and len(stopped.parameters) == len(model.parameters)
 
@@ -238,7 +245,7 @@ def test_bad_input_is_named(tmp_path, pairs, model):
     refuses("none.json", gyroceptron.load, tmp_path / "none.json")
     refuses("flow_time", model.at, flow_time=3.0)
     train = gyroceptron.train
-    refuses("columns: expected 6, found 4", train, *pairs, [1, 0, 0])
+    refuses("circle_action: weights: expected 2, found 3", train, *pairs, [1, 0, 0])
     refuses("architecture", train, *pairs, [1, 0], recipe="paper", architecture="mlp")
     refuses("kicks", train, *pairs, [1, 0], recipe="paper", kicks=(2, 2))
     refuses("optimiser", train, *pairs, [1, 0], recipe="paper", optimiser="sgd")

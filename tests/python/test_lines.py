@@ -80,6 +80,8 @@ def test_rotation_and_curves_are_found():
     assert (of_all[1], errors[1]) == alone and np.isnan(of_all[2]) and np.isnan(errors[2])
     with pytest.raises(gyroceptron.Error, match="orbit: .*shape"):
         gyroceptron.rotation_number(np.zeros((5, 3)), (0.0, 0.0))
+    # At the centre there is no angle.
+    assert np.isnan(gyroceptron.rotation_number(np.zeros((500, 2)), (0.0, 0.0))).all()
     circle = gyroceptron.InvariantCircle(orbit, found)
     assert abs(circle.turns - turns) < 1e-13 and circle.error < 1e-12
     assert abs(circle.area - np.pi / 2) < 1e-12

@@ -84,7 +84,8 @@ def test_what_a_training_tells_stays_with_its_model(tmp_path, pairs, model):
     own.save(path)
     loaded = gyroceptron.load(path)
     assert loaded.trust is None and loaded.history is None and loaded.notes == []
-    other = own.at(epsilon=0.04)
+    with pytest.warns(UserWarning, match="ε = 0.04 is outside of what the model has learnt"):
+        other = own.at(epsilon=0.04)
     assert other.trust is None and other.history is None
 
 

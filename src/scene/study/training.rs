@@ -13,7 +13,7 @@ use crate::scene::declared::Declared;
 use crate::scene::figure::{Axis, Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
 use crate::scene::log::TrainingTimes;
-use crate::scene::predictions::{ByComponent, Judged, ORBITS, PREDICTION};
+use crate::scene::predictions::{ByComponent, Judged, ORBITS, PREDICTION, coordinates_in_words};
 use crate::scene::setup::Need;
 use crate::scene::trained::{Trained, loss_of};
 use crate::train::{Optimiser, StageResult, Stop, TrainingOptions, TrainingRecord, TrainingStage};
@@ -68,6 +68,7 @@ impl Study for TrainingStudy {
 
     fn run(&self, context: &mut Context<'_>) -> Result<Findings, RunError> {
         let (data, models) = (context.data()?, context.all_models()?);
+        let coordinates = coordinates_in_words(data.section.is_some());
         let (mut results, mut by_component) = (Vec::new(), Vec::new());
         for trained in models.iter() {
             let mut errors = match data.validation().filter(|_| trained.lost.is_none()) {
@@ -83,11 +84,16 @@ impl Study for TrainingStudy {
             if let (Some((action, angles)), Some(held_out), None) =
                 (&data.nearest, data.validation(), &trained.lost)
             {
-                let of = ByComponent::new(errors, (action, angles), held_out, data.units.as_ref());
+                let of = ByComponent::new(
+                    errors,
+                    (action, angles),
+                    held_out,
+                    data.units.as_ref(),
+                    coordinates,
+                );
                 (errors, shares) = (of.errors.clone(), of.shares.clone());
                 by_component.push(Block::Heading(format!("Errors of `{}`", trained.spec.name)));
-                by_component
-                    .push(Block::Text("Of the held-out pairs, in units of the data.".into()));
+                by_component.push(Block::Text(format!("Of the held-out pairs, {coordinates}.")));
                 by_component.push(Block::Table(of.table()));
             }
             results.push(TrainingResult::new(trained, errors, &options).with_shares(shares));
@@ -105,6 +111,7 @@ impl Study for TrainingStudy {
             training: &data.training,
             held_out: data.held_out.as_ref(),
             units: data.units.as_ref(),
+            coordinates,
         };
         if context.draws(PREDICTION) {
             found.figures.push(context.stage("predictions", |_| judged.prediction())?);
