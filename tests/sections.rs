@@ -1835,6 +1835,7 @@ fn invariant_circles_are_fitted_to_orbits() {
     let ellipse = InvariantCircle::of_orbit(&orbit_of_flat, turns).expect("a curve");
     for [x, y] in [[0.0, 0.0], [1.0, 0.2], [2.7, 0.05], [-2.9, 0.0], [5.0, 4.0], [0.3, -7.0]] {
         let far = (0..200_000).map(|k| flat(f64::from(k) / 200_000.0));
+        // no NaN: both are finite.
         let least = far.map(|[a, b]| (a - x).hypot(b - y)).fold(f64::INFINITY, f64::min);
         let found = ellipse.distances(&[x, y])[0];
         assert!((found - least).abs() < 1e-7, "{x} {y}: {found} {least}");

@@ -180,6 +180,7 @@ impl InvariantCircle {
                     squares[*k] <= squares[before] && squares[*k] <= squares[after]
                 };
                 let within = |k: usize| self.distance_within(place, k as f64, count as f64);
+                // no NaN: the place is finite, and so is the curve.
                 (0..count).filter(is_least).map(within).fold(near, f64::min)
             })
             .collect()
