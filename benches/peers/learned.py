@@ -21,9 +21,12 @@ fitted to the angles of the pairs, as in the program. All rivals are given it. I
 as their pairs need.
 
 Errors are root mean squares; times of a step are of 64 trajectories together on one core, and of one alone, training of
-all cores. No network is told a shorter flow time first: all have these pairs alone. All minimise the plain mean square
-and begin from as many sets of initial weights a seed, of which that of the least loss after 40 iterations goes on. Of
-several seeds the medians, and the range of one step, stand below those of each.
+all cores. No network is told a shorter flow time first: all have these pairs alone. With
+`--starts N` all minimise the plain mean square in units of the data (the generating function that of its equation for
+the midpoint) and begin from N sets of initial weights a seed, of which that of the least loss after 40 iterations (10
+of the averaged field) goes on. Without it the program has its defaults, as for its users: the best of three sets, and
+errors of planes weighted by their motion (on field lines one set); those in JAX have one set and the plain mean
+square. Of several seeds the medians, and the range of one step, stand below those of each.
 """
 
 import argparse
@@ -58,6 +61,10 @@ class Oscillators:
         "gyroceptron": ["--architecture", "gyroceptron", "--psi", "10x8", "--near-identity", "10x8"],
     }
     long_steps = [40, 400, 4000]
+    # Sets of initial weights of the program, where no number of them is given for all networks.
+    starts = 3
+    # Of the program only, in the same case.
+    own = []
     # Whether the flow is that of a Hamiltonian.
     hamiltonian = True
 
@@ -190,8 +197,9 @@ class FieldLines:
     """H = iota (r^2/2 - r^4/4)(1 + eps cos(2 phi - 3 theta)) around a circular axis, a turn."""
 
     name, dof, time, epsilon = "field-lines", 1, 6.283185307179586, 1e-3
-    hamiltonian = True
-    options = ["--circle-action", "1", "--epsilon", "0.001", "--units", "data"]
+    hamiltonian, starts = True, 1
+    options = ["--circle-action", "1", "--epsilon", "0.001"]
+    own = ["--units", "data"]
     networks = {
         "nearly integrable, polynomials": [
             "--architecture", "normal-form", "--kicks", "10x1^16", "--twists", "1x1^10", "--perturbation", "10x1^16",
@@ -434,7 +442,6 @@ def levenberg_marquardt(model, inputs, outputs, iterations):
         return linalg.cho_solve(factor, gradient)
 
     flat, damping = model.flat, 1e-3
-    value = loss(flat)
     for _ in range(iterations):
         matrix, gradient, value = normal(flat)
         for _ in range(30):
@@ -459,7 +466,8 @@ def train(case, kind, parameters, seed, options, pairs):
 
     # Sixteen evaluations of its network a step: a quarter of the iterations take four times as long.
     fewer = 4 if kind == "field" else 1
-    models = [Learned(case, kind, parameters, seed * options.starts + start) for start in range(options.starts)]
+    starts = options.starts or 1
+    models = [Learned(case, kind, parameters, seed * starts + start) for start in range(starts)]
     best = 0
     if len(models) > 1:
         losses = np.array([levenberg_marquardt(model, *pairs, OF_A_START // fewer) for model in models])
@@ -759,8 +767,9 @@ def run(case, options, np):
     most = 0
     for name, arguments in case.networks.items():
         rows = []
+        own = ["--loss-weights", "none", "--units", "data"] if options.starts else case.own
         for seed in range(options.seeds):
-            seeded = [*arguments, "--seed", seed, "--starts", options.starts, "--loss-weights", "none"]
+            seeded = [*arguments, *own, "--seed", seed, "--starts", options.starts or case.starts]
             seconds, step, orbits, together, alone, parameters = program(case, name, seeded, folder, np)
             most = max(most, parameters or 0)
             called = f"`gyroceptron`, {name}, seed {seed}"
@@ -820,7 +829,8 @@ def run(case, options, np):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seeds", type=int, default=1, help="initial weights of each network")
-    parser.add_argument("--starts", type=int, default=1, help=f"sets of initial weights a seed, {OF_A_START} iterations each")
+    starts = f"sets of initial weights a seed, {OF_A_START} iterations each, of all networks"
+    parser.add_argument("--starts", type=int, help=starts)
     parser.add_argument("--iterations", type=int, default=200, help="of Levenberg-Marquardt in JAX")
     parser.add_argument("--kinds", nargs="+", default=["mlp", "generating", "field"], choices=["mlp", "generating", "field"])
     cases = (Oscillators, LongOscillators, FullOrbit, Dissipative, FieldLines, StraightFieldLines)

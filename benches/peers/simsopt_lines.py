@@ -14,7 +14,7 @@ its steps. Compared are a period and all periods of the held-out lines, how far 
 `--long` periods, the time of a period of a line on one thread, and after how many periods of lines data and training
 are paid for.
 
-Takes some twenty minutes, most of them tracing.
+Takes eleven minutes, most of them tracing.
 """
 
 import argparse

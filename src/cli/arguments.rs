@@ -583,7 +583,8 @@ pub struct Predict {
     #[arg(long, value_name = "FILE.npy")]
     pub invariant: Option<PathBuf>,
     /// What to do with kept states outside the box of the training points, or outside that of the
-    /// network's polynomials, if it has any, and with values of controls outside of their ranges.
+    /// network's polynomials, if it has any, and with values of controls, ε or a flow time that the model has not
+    /// learnt.
     #[arg(long, value_enum, default_value_t = Outside::Warn)]
     pub outside: Outside,
     /// Replace an existing file.

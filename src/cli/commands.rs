@@ -212,15 +212,6 @@ fn default_architecture(circle_action: CircleAction, epsilon: f64) -> Architectu
     GyroceptronShape { circle_action, psi, near_identity }.architecture(epsilon)
 }
 
-/// What a certificate says of the area of a section.
-fn section_note(section: &Section) -> String {
-    format!(
-        "the laws are tested in the canonical coordinates of the section: in the columns of the data areas are kept as \
-         well as its density is known, which errs by {:.1e} of its largest value",
-        section.error()
-    )
-}
-
 fn verify(arguments: &Verify) -> Result<Status, Error> {
     use_threads(&arguments.common)?;
     let options = CertificateOptions {
@@ -245,7 +236,7 @@ fn verify(arguments: &Verify) -> Result<Status, Error> {
                 }
                 if let Some(section) = stored.map.section() {
                     coordinates = ", z in the canonical coordinates of its section";
-                    notes.push(section_note(section));
+                    notes.push(section.note_on_laws());
                 }
                 (path.display().to_string(), certify_polynomial(stored.map.map(), options)?)
             }
@@ -256,7 +247,7 @@ fn verify(arguments: &Verify) -> Result<Status, Error> {
                 if own_units.is_some() {
                     coordinates = ", z in the units of the network";
                 }
-                notes.extend(stored.section.as_ref().map(section_note));
+                notes.extend(stored.section.as_ref().map(Section::note_on_laws));
                 notes.extend(
                     own_invariance_fault(&stored, &options).iter().map(ToString::to_string),
                 );
@@ -355,17 +346,22 @@ fn import(arguments: &Import) -> Result<Status, Error> {
     let (model, units) = match read_architecture(&arguments.weights)? {
         Some(own) => {
             let said = format!("of which {place} says that its weights are, or none");
+            let none = "none: the network has none";
             if action.is_some_and(|action| own.circles != action.circles()) {
                 let circles = own.circles.iter().map(ToString::to_string).collect::<Vec<_>>();
                 let expected = format!("{}, {said}", circles.join("/"));
+                let expected = if circles.is_empty() { none.to_owned() } else { expected };
                 let found = arguments.circle_action.clone().unwrap_or_default();
                 return Err(Error::invalid("--circle-action", found, expected));
             }
-            let numbers =
-                [("--epsilon", epsilon, own.epsilon), ("--flow-time", time, own.flow_time)];
+            let numbers = [
+                ("--epsilon", epsilon, own.has_circle().then_some(own.epsilon)),
+                ("--flow-time", time, own.has_flow_time().then_some(own.flow_time)),
+            ];
             for (option, given, own) in numbers {
-                if let Some(given) = given.filter(|given| *given != own) {
-                    return Err(Error::invalid(option, given, format!("{own}, {said}")));
+                if let Some(given) = given.filter(|given| own != Some(*given)) {
+                    let expected = own.map_or(none.to_owned(), |own| format!("{own}, {said}"));
+                    return Err(Error::invalid(option, given, expected));
                 }
             }
             let units = take_units(&place, &mut tensors, own.dof)?;

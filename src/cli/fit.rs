@@ -62,8 +62,8 @@ pub fn fit(arguments: &Fit) -> Result<Status, Error> {
         true => {
             format!("next: {}", next_command(&typed_words(), NextStep::Predict, &arguments.output))
         }
-        false => "So large an error is no map to follow orbits by: more pairs, a smaller region or a network \
-                  (`gyroceptron train`) may do better; a coordinate that jumps, such as an angle from 2π to 0, has to be \
+        false => "With so large an error the map is not fit to follow orbits. More pairs, a smaller region or a network \
+                  (`gyroceptron train`) may do better. A coordinate that jumps, such as an angle from 2π to 0, has to be \
                   made continuous first"
             .to_owned(),
     };

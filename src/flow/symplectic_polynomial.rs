@@ -214,17 +214,16 @@ impl SymplecticPolynomial {
         };
         let both = symmetries.with_images(both, dof);
         let basis = ProductBasis::around(&both, dim, degree)?.even(symmetries.even(dof));
-        let coefficients =
-            generator(&basis, &middles, &before, &after).map_err(|error| {
-                match pairs.different_inputs() {
-                    different if different < pairs.len() => Error::invalid(
-                        "degree of a generating function",
-                        format!("{degree} for pairs of {different} different inputs"),
-                        "fewer terms of it, or more pairs",
-                    ),
-                    _ => error,
-                }
-            })?;
+        let coefficients = generator(&basis, &middles, &before, &after).map_err(|error| {
+            let different = pairs.different_inputs();
+            let terms = Self::terms(dof, degree, symmetries).unwrap_or(usize::MAX);
+            if different * dim >= terms.saturating_mul(NUMBERS_A_TERM) {
+                return error;
+            }
+            let found = format!("{degree} for pairs of {different} different inputs");
+            let expected = "fewer terms of it, or more pairs";
+            Error::invalid("degree of a generating function", found, expected)
+        })?;
         // Of the map's images by its symmetries they are pairs too, and the start and the iterations have to do for
         // them.
         let (before, after) = match reversor {

@@ -195,11 +195,13 @@ impl StoredModel {
             let rounding = 4.0 * f64::EPSILON * value.abs();
             !(*value >= low - rounding && *value <= high + rounding)
         };
-        let words =
-            all.into_iter().flatten().filter(is_outside).map(|(name, value, [low, high])| {
-                let learnt = if low == high { low.to_string() } else { format!("{low} to {high}") };
-                format!("{name} = {value} is outside of what the model has learnt, {learnt}")
-            });
+        // Without the rounding of products.
+        let short = |v: f64| format!("{v:.12e}").parse::<f64>().unwrap_or(v).to_string();
+        let words = all.into_iter().flatten().filter(is_outside).map(|(name, value, ends)| {
+            let [low, high] = ends.map(short);
+            let learnt = if low == high { low } else { format!("{low} to {high}") };
+            format!("{name} = {} is outside of what the model has learnt, {learnt}", short(value))
+        });
         words.reduce(|all, one| format!("{all}; {one}"))
     }
 

@@ -163,8 +163,13 @@ pub(super) fn read_text(place: &str, source: &mut impl Read, size: u64) -> Resul
     let Some(bytes) = bytes.filter(|bytes| *bytes as u64 <= size) else {
         return Err(malformed(format!("numbers of type {descr} and shape {shape:?}")));
     };
-    let mut text = vec![0; bytes];
-    source.read_exact(&mut text).map_err(|reason| malformed(reason.to_string()))?;
+    // As much as the source really holds, whatever its header says.
+    let mut text = Vec::new();
+    let read = source.take(bytes as u64).read_to_end(&mut text);
+    read.map_err(|reason| malformed(reason.to_string()))?;
+    if text.len() < bytes {
+        return Err(malformed(format!("{} of {bytes} bytes", text.len())));
+    }
     let characters = text.as_chunks().0.iter().map(|code| u32::from_le_bytes(*code));
     characters
         .map(|code| char::from_u32(code).ok_or_else(|| malformed(format!("the character {code}"))))

@@ -251,7 +251,7 @@ pub struct Tunes {
     /// whole orbit), and for an orbit that leaves the finite numbers.
     pub turns: Vec<f64>,
     /// The difference of the tunes of the two halves of the orbit, for each plane: small on an invariant torus, and a
-    /// sign of chaos where it is not small.
+    /// sign of chaos where it is not small. NaN where a half turns too little to have a tune.
     pub changes: Vec<f64>,
 }
 
@@ -263,7 +263,7 @@ const SLOW: f64 = 16.0;
 fn slow_frequency(signal: &[[f64; 2]], first: f64) -> f64 {
     const ROUNDS: usize = 60;
     let close = 1e-12 / signal.len() as f64;
-    let mut frequency = first;
+    let (mut frequency, mut last) = (first, f64::INFINITY);
     for _ in 0..ROUNDS {
         let line = |frequency| SpectralLine { frequency, amplitude: [0.0; 2] };
         let mut lines = [line(0.0), line(frequency)];
@@ -274,9 +274,15 @@ fn slow_frequency(signal: &[[f64; 2]], first: f64) -> f64 {
         if !frequency.is_finite() || is_stopped() {
             break;
         }
-        if (frequency - before).abs() <= close {
+        let change = (frequency - before).abs();
+        if change <= close {
             return frequency;
         }
+        // Of so slow a line one follows from the other no better than before.
+        if !(change < 0.95 * last) {
+            break;
+        }
+        last = change;
     }
     f64::NAN
 }

@@ -155,33 +155,32 @@ impl InvariantCircle {
     pub fn distances(&self, points: &[f64]) -> Vec<f64> {
         let count = 8 * self.modes() + 8;
         let around = self.points(count);
+        let sample = |k: usize| [around[2 * k], around[2 * k + 1]];
+        let next = |k: usize| (k + 1) % count;
+        let apart = |[a, b]: [f64; 2], [c, d]: [f64; 2]| libm::hypot(a - c, b - d);
+        let spacing = (0..count).map(|k| apart(sample(k), sample(next(k))));
+        let spacing = spacing.fold(0.0, max_or_nan);
         points
             .chunks_exact(2)
             .map(|place| {
-                let square = |k: &usize| {
-                    let (x, y) = (around[2 * k] - place[0], around[2 * k + 1] - place[1]);
-                    x * x + y * y
-                };
-                let nearest = (0..count).min_by(|a, b| square(a).total_cmp(&square(b)));
+                let off: Vec<f64> =
+                    (0..count).map(|k| apart(sample(k), [place[0], place[1]])).collect();
+                let nearest = (0..count).min_by(|a, b| off[*a].total_cmp(&off[*b]));
                 let nearest = nearest.expect("points");
                 let near = self.distance_near(place, nearest as f64 / count as f64);
-                let next = (nearest + 1) % count;
-                let spacing = libm::hypot(
-                    around[2 * next] - around[2 * nearest],
-                    around[2 * next + 1] - around[2 * nearest + 1],
-                );
-                if near.is_nan() || near <= spacing {
+                // Where no curvature matters and no other part of the curve may be nearer.
+                let is_other = |k: &usize| {
+                    let is_least =
+                        off[*k] <= off[(k + count - 1) % count] && off[*k] <= off[next(*k)];
+                    is_least && *k != nearest && off[*k] <= near + spacing
+                };
+                if near.is_nan() || near <= spacing && !(0..count).any(|k| is_other(&k)) {
                     return near;
                 }
-                // Further away several parts of the curve may be about as near.
-                let squares: Vec<f64> = (0..count).map(|k| square(&k)).collect();
-                let is_least = |k: &usize| {
-                    let [before, after] = [(k + count - 1) % count, (k + 1) % count];
-                    squares[*k] <= squares[before] && squares[*k] <= squares[after]
-                };
                 let within = |k: usize| self.distance_within(place, k as f64, count as f64);
+                let others = (0..count).filter(is_other).chain([nearest]);
                 // no NaN: the place is finite, and so is the curve.
-                (0..count).filter(is_least).map(within).fold(near, f64::min)
+                others.map(within).fold(near, f64::min)
             })
             .collect()
     }

@@ -733,6 +733,15 @@ impl Section {
         )
     }
 
+    /// What laws that are tested in canonical coordinates say of the data, in words.
+    pub fn note_on_laws(&self) -> String {
+        format!(
+            "the laws are tested in the canonical coordinates of the section: in the columns of the data areas are \
+             kept as well as its density is known, which errs by {:.1e} of its largest value",
+            self.error()
+        )
+    }
+
     /// The charts at these values of the controls; the same where the densities depend on none.
     ///
     /// # Errors

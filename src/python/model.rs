@@ -15,7 +15,7 @@ use crate::layer::Reversor;
 use crate::measure::certificate::{CertificateOptions, certify};
 use crate::measure::orbits::{Branch, SymmetryLine, lyapunov_exponent, smaller_alignment_index};
 use crate::network::{Architecture, Course, Rollout};
-use crate::phase::Direction;
+use crate::phase::{Direction, Section};
 use crate::scalar::{Grid, GridNumbers};
 use crate::scene::{own_invariance_fault, render};
 use numpy::{PyArray1, PyArrayDyn};
@@ -469,14 +469,15 @@ impl Model {
         measured(py, || {
             let inner = certify(&self.stored.model, options);
             let fault = own_invariance_fault(&self.stored, &options);
-            Ok(PyCertificate { inner, notes: fault.into_iter().collect() })
+            let on_section = self.stored.section.as_ref().map(Section::note_on_laws);
+            Ok(PyCertificate { inner, notes: fault.into_iter().chain(on_section).collect() })
         })
     }
 
     /// A model with the same weights at another epsilon or flow time, if it has learnt several, or at values of its
     /// controls by name, such as model.at(planar=0.02). A model at values of controls has no controls any more; those
     /// not given are in the middle of their ranges. Its trust, history and held-out error are not known. Warns
-    /// (UserWarning) of a value outside of its range. Raises Error of networks without a circle action, for a flow time
+    /// (UserWarning) of an epsilon, flow time or control outside of what the model has learnt. Raises Error of networks without a circle action, for a flow time
     /// where that of the model is not known, and of controls that it does not have.
     #[pyo3(signature = (epsilon=None, flow_time=None, **controls))]
     fn at(

@@ -36,9 +36,10 @@ use std::path::PathBuf;
 /// is that of `train`, a file of the density of the area form, without controls; reflections are then those of the
 /// canonical coordinates, of which q is y.
 ///
-/// Warns (UserWarning) where the pairs are of no symplectic map, or of another symmetry. Raises Error when the pairs
-/// are too few for the degree, of other shapes, or of a map whose linear part is not near a symplectic one, and when
-/// the equation has no solution near some pair.
+/// Warns (UserWarning) where the pairs are of no symplectic map, or of another symmetry, where held-out pairs repeat
+/// inputs, and of a density that is not known to 1e-6. Raises Error when the pairs are too few for the degree, of other
+/// shapes, or of a map whose linear part is not near a symplectic one, and when the equation has no solution near some
+/// pair.
 #[pyclass(frozen, module = "gyroceptron", name = "SymplecticPolynomial")]
 pub(super) struct PySymplecticPolynomial {
     map: PolynomialOnSection,

@@ -2,7 +2,10 @@
 
 use super::target_flow::TargetFlow;
 use crate::error::Error;
-use crate::io::{Provenance, StoredModel, file_digest, import_weights, load_model};
+use crate::io::{
+    Provenance, StoredModel, assemble_architecture, file_digest, import_weights, load_model,
+    read_architecture, read_tensors, take_units,
+};
 use std::path::Path;
 
 /// The network of a model's file, or of weights of a gyroceptron, which is to stand for a map of this
@@ -16,15 +19,25 @@ pub(super) fn read_network(
     target: TargetFlow<'_>,
     time: f64,
 ) -> Result<StoredModel, Error> {
-    if path.extension().is_none_or(|ending| ending != "json") {
-        let action = target.circle_action().into();
-        let model = import_weights(path, &action, target.epsilon(), None)?;
+    let place = path.display().to_string();
+    let stored = if path.extension().is_some_and(|ending| ending == "json") {
+        load_model(path)?
+    } else {
         let (data, flow_time) = (Some(file_digest(path)?), Some(time));
         let provenance = Provenance { data, flow_time, ..Provenance::of("import") };
-        return Ok(StoredModel { model, units: None, section: None, provenance });
-    }
-    let stored = load_model(path)?;
-    let place = path.display().to_string();
+        let (model, units) = match read_architecture(path)? {
+            Some(own) => {
+                let mut tensors = read_tensors(path)?;
+                let units = take_units(&place, &mut tensors, own.dof)?;
+                (assemble_architecture(&place, tensors, own)?, units)
+            }
+            None => {
+                let action = target.circle_action().into();
+                (import_weights(path, &action, target.epsilon(), None)?, None)
+            }
+        };
+        StoredModel { model, units, section: None, provenance }
+    };
     let of_another = |expected: String, found: String| Err(Error::content(&place, expected, found));
     let architecture = stored.model.architecture();
     if architecture.dof != target.dof() {

@@ -29,7 +29,14 @@ pub fn next_command(typed: &[String], step: NextStep, model: &Path) -> String {
         NextStep::Couplings => {
             let of_others =
                 ["--architecture", "--recipe", "--psi", "--near-identity", "--layers", "--kicks"];
-            let more = ["--twists", "--turned-twists", "--perturbation", "--radius", "--reversor"];
+            let more = [
+                "--twists",
+                "--turned-twists",
+                "--perturbation",
+                "--radius",
+                "--reversor",
+                "--ramp",
+            ];
             let penalty = ["--near-identity-penalty"];
             let added = ["--architecture", "coupling-gyroceptron", "--overwrite"];
             with(&[&of_others[..], &more, &penalty].concat(), &added)

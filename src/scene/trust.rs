@@ -28,6 +28,7 @@ pub(super) fn trust(judgement: &Judgement) -> Findings {
         own,
         repeated: _,
         care_of_pairs: _,
+        sizes: _,
     } = judgement;
     let mut text = format!("**{verdict}**: ");
     too_few.iter().for_each(|first| text.push_str(&format!("{first}; ")));

@@ -254,7 +254,8 @@ impl FitNote {
     /// What it says on areas.
     pub fn area_defect(&self) -> Option<AreaDefect> {
         match self {
-            Self::Form(defect, _) => Some(AreaDefect::Pairs(defect.median)),
+            Self::Form(defect, false) => Some(AreaDefect::Pairs(defect.median)),
+            Self::Form(defect, true) => Some(AreaDefect::OfSection(defect.median)),
             Self::Section(section) => Some(AreaDefect::Density(section.error())),
             _ => None,
         }

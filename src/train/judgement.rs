@@ -38,9 +38,6 @@ pub enum Limit {
 /// The ratio of the final loss to that after nine tenths of the iterations above which the loss is
 /// at rest.
 const AT_REST: f64 = 0.9;
-/// An error of at most so many times the share by which pairs change areas is one that no weights of a network that
-/// keeps areas avoid: a contraction by s moves points by s/2 of their distance from where it leads.
-const OF_AREAS: f64 = 10.0;
 /// The ratio of the held-out error to the loss above which pairs are learnt by heart.
 const BY_HEART: f64 = 2.0;
 
@@ -183,6 +180,17 @@ pub fn plane_errors(errors: &[f64], motions: &[PlaneMotion]) -> Vec<PlaneError> 
     motions.iter().enumerate().map(of_plane).collect()
 }
 
+/// The root mean square of the images of each plane about their mean, over q and p.
+fn plane_sizes(pairs: &Pairs) -> Vec<f64> {
+    let (dof, count) = (pairs.dof(), pairs.len() as f64);
+    let size = |k: usize| {
+        let column = || pairs.output().iter().skip(k).step_by(2 * dof);
+        let mean = column().sum::<f64>() / count;
+        libm::sqrt(column().map(|v| (v - mean) * (v - mean)).sum::<f64>() / count)
+    };
+    (0..dof).map(|j| root_mean_square(&[size(j), size(dof + j)])).collect()
+}
+
 /// The plane that decides, from 0: the first with the largest share; a NaN counts as larger than
 /// any number.
 pub fn worst(planes: &[PlaneError]) -> usize {
@@ -198,6 +206,8 @@ pub fn worst(planes: &[PlaneError]) -> usize {
 pub enum AreaDefect {
     /// The share by which one step changes them.
     Pairs(f64),
+    /// The share by which one step changes those of a section, whose density may be another one.
+    OfSection(f64),
     /// The relative error of the density of their section.
     Density(f64),
 }
@@ -248,6 +258,8 @@ pub struct Judgement {
     pub swings: Vec<PlaneSwing>,
     /// How well the network conserves its own invariant along its orbits.
     pub own: Option<OwnInvariance>,
+    /// The root mean square of the images of each plane about their mean, over q and p.
+    pub sizes: Vec<f64>,
 }
 
 /// The verdict, the error, and a line for each reason.
@@ -426,6 +438,7 @@ impl Judgement {
             orbits,
             swings,
             own,
+            sizes: plane_sizes(judge),
         })
     }
 
@@ -436,15 +449,25 @@ impl Judgement {
     pub fn with_area_defects(mut self, defects: impl IntoIterator<Item = AreaDefect>) -> Self {
         for defect in defects {
             match defect {
-                AreaDefect::Pairs(share) if !(STEPS as f64 * share <= LITTLE) => {
+                AreaDefect::Pairs(share) | AreaDefect::OfSection(share)
+                    if !(STEPS as f64 * share <= LITTLE) =>
+                {
                     let comes_to = match STEPS as f64 * share {
                         all if all < 1.0 => format!("in {STEPS} steps this may come to {}", percent(all)),
-                        _ => format!("in {} steps by about their own size", (1.0 / share).ceil()),
+                        _ if share < 1.0 => {
+                            let steps = (1.0 / share).ceil();
+                            format!("after {steps} steps they have changed by about their own size")
+                        }
+                        _ => "after one step nothing is left of them".to_owned(),
                     };
                     self.no_long_orbits.push(format!(
                         "the pairs change areas by {share:.1e} a step, which the network keeps exactly: {comes_to}"
                     ));
-                    if self.planes[self.worst].share <= OF_AREAS * share {
+                    // What shrinks areas by a share moves points by half of it: no weights err by less, and twice as
+                    // much is near it.
+                    let least = share * self.sizes[self.worst];
+                    let of_pairs = matches!(defect, AreaDefect::Pairs(_));
+                    if of_pairs && self.planes[self.worst].error <= least {
                         self.limit = Limit::Areas;
                     }
                 }
@@ -452,7 +475,7 @@ impl Judgement {
                     "the density of the section errs by {share:.1e}: the areas that the network keeps are known to no \
                      more than that"
                 )),
-                AreaDefect::Pairs(_) | AreaDefect::Density(_) => {}
+                AreaDefect::Pairs(_) | AreaDefect::OfSection(_) | AreaDefect::Density(_) => {}
             }
         }
         self.verdict = verdict(&self.no, &self.no_long_orbits, &self.care);

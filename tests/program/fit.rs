@@ -171,7 +171,10 @@ fn fits_say_what_their_error_is_worth() {
     refuses(path, &refused, &["repeated.npz", "30 different inputs"]);
     let fitted = succeeds(path, &[&words[..], &["noisy.npz", "--degree", "3"]].concat());
     let shown = text(&fitted.stdout);
-    assert!(shown.contains("no map to follow orbits by") && !shown.contains("next:"), "{shown}");
+    assert!(
+        shown.contains("the map is not fit to follow orbits") && !shown.contains("next:"),
+        "{shown}"
+    );
 }
 
 /// The file that a prediction is compared with is not written over, and may begin elsewhere.
