@@ -447,14 +447,14 @@ fn areas_that_change_are_no_ground_for_long_orbits() {
     assert_eq!(judged(Some(AreaDefect::Density(1.1e-2))), [0, 1]);
 }
 
-/// Pairs of a rotation of the first plane and a drift in the second, which shrink by this factor.
-fn with_friction(count: usize, factor: f64) -> Pairs {
+/// Pairs of a kick and a rotation of the first plane and a drift in the second, which shrink by this factor.
+fn with_friction(count: usize, factor: f64, kick: f64) -> Pairs {
     let mut stream = Stream::new(3, "friction");
     let (mut input, mut output) = (Vec::new(), Vec::new());
     for _ in 0..count {
         let z: [f64; 4] = std::array::from_fn(|_| stream.uniform(-1.0, 1.0));
-        let (s, c) = 0.7_f64.sin_cos();
-        let turned = [c * z[0] + s * z[2], z[1] + 0.02 * z[3], c * z[2] - s * z[0], z[3]];
+        let ((s, c), p) = (0.7_f64.sin_cos(), z[2] - kick * z[0].powi(3));
+        let turned = [c * z[0] + s * p, z[1] + 0.02 * z[3], c * p - s * z[0], z[3]];
         input.extend(z);
         output.extend(turned.map(|v| factor * v));
     }
@@ -469,13 +469,15 @@ fn couplings_are_advised_for_friction() {
     let small = LayerSizes::uniform(2, 4);
     let couplings = network("coupling-gyroceptron").with_size("psi", small);
     let couplings = couplings.and_then(|of| of.with_size("near_identity", small)).expect("sizes");
-    let short = [(self::small(), 0.9, 1, false)];
-    let long = [0.9, 0.98].map(|factor| (self::small(), factor, 60, true));
-    let others = [(self::small(), 1.0, 60, false), (couplings, 0.9, 60, false)];
-    for (network, factor, iterations, advised) in short.into_iter().chain(long).chain(others) {
+    // Where much is left to learn beside a little friction, that is not what limits it.
+    let little = (self::small(), 0.995, 0.5, 1, false);
+    let much = [0.9, 0.98].map(|factor| (self::small(), factor, 0.0, 60, true));
+    let others = [(self::small(), 1.0, 0.0, 60, false), (couplings, 0.9, 0.0, 60, false)];
+    let all = [little].into_iter().chain(much).chain(others);
+    for (network, factor, kick, iterations, advised) in all {
         let training = TrainingOptions { starts: None, ..fit().training };
         let fit = Fit { network: Some(network), training, ..fit() }.with_iterations(iterations);
-        let fitted = fit.run(with_friction(400, factor)).expect("trains");
+        let fitted = fit.run(with_friction(400, factor, kick)).expect("trains");
         let judgement = fitted.judgement().expect("judged");
         assert_eq!(judgement.limit == Limit::Areas, advised, "{judgement}");
         assert_eq!(NextStep::of(&fitted, &judgement) == NextStep::Couplings, advised);
@@ -492,7 +494,7 @@ fn couplings_are_advised_for_friction() {
 /// Pairs with friction are those of no symplectic network, and no fault of one that has friction.
 #[test]
 fn friction_is_a_note_on_symplectic_networks_alone() {
-    let pairs = with_friction(150, 0.98);
+    let pairs = with_friction(150, 0.98, 0.0);
     let notes = |name: &str| {
         let network = NetworkSpec::named(name).expect("a name");
         let action = Some(CircleAction::new([1, 0]).into());
