@@ -4,17 +4,18 @@
     python3 benches/peers/ring.py [cell] [turn] [momenta] [frequency] [aperture] [--turns N] [--pairs N]
         [--iterations N] [--rays N] [--short]
 
-Makes a virtual environment of its own in target/peers (accelerator-toolbox, NumPy and SciPy from PyPI, and this package
-as it stands), takes the hybrid multi-bend cell that accelerator-toolbox ships, 32 of which are a ring of 844 m, and lets
-`gyroceptron.train` learn the map of a cell in the two transverse planes from pairs that tracking makes: x, y, p_x, p_y on
-momentum in a ball of the normalised coordinates, of 11 mm along x, denser towards its middle. Beside it polynomials of
-least squares on the same pairs, maps that are symplectic by a polynomial generating function, without and with the
-mirror symmetry of the midplane, and Taylor maps, as they are and made symplectic. Compared are a cell of pairs that none
-has seen, tunes with amplitude, the dynamic aperture by angle, and the time of a turn of one thread. Then a whole turn of
-the Australian Synchrotron, 1,333 elements, by symplectic polynomials with the mirror symmetry. Then a family: the cell at
-relative momenta that are a control of the map, its error between them, and the chromaticities. Then a frequency map:
-a scene on the pairs of the cell, tunes and their changes over a grid of particles, and the same by tracking. With
-`aperture`, which has to be named, the aperture after 100,000 turns by bisection along five rays.
+Makes a virtual environment of its own in target/peers (accelerator-toolbox, NumPy and SciPy from PyPI, and this
+package as it stands), takes the hybrid multi-bend cell that accelerator-toolbox ships, 32 of which are a ring of 844
+m, and lets `gyroceptron.train` learn the map of a cell in the two transverse planes from pairs that tracking makes:
+x, y, p_x, p_y on momentum in a ball of the normalised coordinates, of 11 mm along x, denser towards its middle.
+Beside it polynomials of least squares on the same pairs, maps that are symplectic by a polynomial generating
+function, without and with the mirror symmetry of the midplane, and Taylor maps, as they are and made symplectic.
+Compared are a cell of pairs that none has seen, tunes with amplitude, the dynamic aperture by angle, and the time of
+a turn of one thread. Then a whole turn of the Australian Synchrotron, 1,333 elements, by symplectic polynomials with
+the mirror symmetry. Then a family: the cell at relative momenta that are a control of the map, its error between
+them, and the chromaticities. Then a frequency map: a scene on the pairs of the cell, tunes and their changes over a
+grid of particles, and the same by tracking. With `aperture`, which has to be named, the aperture after 100,000 turns
+by bisection along five rays.
 
 Tracking takes most of the time: eight minutes of one core for 300 turns of 1,430 particles, an hour or two for the
 aperture after 100,000.

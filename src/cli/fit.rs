@@ -62,9 +62,9 @@ pub fn fit(arguments: &Fit) -> Result<Status, Error> {
         true => {
             format!("next: {}", next_command(&typed_words(), NextStep::Predict, &arguments.output))
         }
-        false => "With so large an error the map is not fit to follow orbits. More pairs, a smaller region or a network \
-                  (`gyroceptron train`) may do better. A coordinate that jumps, such as an angle from 2π to 0, has to be \
-                  made continuous first"
+        false => "With so large an error the map is not fit to follow orbits. More pairs, a smaller region or a \
+                  network (`gyroceptron train`) may do better. A coordinate that jumps, such as an angle from 2π to 0, \
+                  has to be made continuous first"
             .to_owned(),
     };
     out(&format!(

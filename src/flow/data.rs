@@ -413,8 +413,8 @@ impl Pairs {
         rows.map(bits).collect::<BTreeSet<_>>().len()
     }
 
-    /// Fails if the largest of these numbers is so large or so small that sums of their squares, of which fits are made,
-    /// overflow or lose digits.
+    /// Fails if the largest of these numbers is so large or so small that sums of their squares, of which fits are
+    /// made, overflow or lose digits.
     ///
     /// # Errors
     /// [`Error::OutOfRange`] with the largest absolute value, unless all are 0.

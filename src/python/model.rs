@@ -270,8 +270,8 @@ impl Model {
         array(py, states, points.shape(&[request.kept()], &[dim]))
     }
 
-    /// The preimages of `points`, (..., 2n), under one step: an array of the same shape, in units of the data; NaN where
-    /// there is none. Raises Error of points that are not of finite numbers.
+    /// The preimages of `points`, (..., 2n), under one step: an array of the same shape, in units of the data; NaN
+    /// where there is none. Raises Error of points that are not of finite numbers.
     fn inverse<'py>(
         &self,
         py: Python<'py>,
@@ -477,8 +477,9 @@ impl Model {
     /// A model with the same weights at another epsilon or flow time, if it has learnt several, or at values of its
     /// controls by name, such as model.at(planar=0.02). A model at values of controls has no controls any more; those
     /// not given are in the middle of their ranges. Its trust, history and held-out error are not known. Warns
-    /// (UserWarning) of an epsilon, flow time or control outside of what the model has learnt. Raises Error of networks without a circle action, for a flow time
-    /// where that of the model is not known, and of controls that it does not have.
+    /// (UserWarning) of an epsilon, flow time or control outside of what the model has learnt. Raises Error of
+    /// networks without a circle action, for a flow time where that of the model is not known, and of controls that
+    /// it does not have.
     #[pyo3(signature = (epsilon=None, flow_time=None, **controls))]
     fn at(
         &self,

@@ -253,11 +253,11 @@ pub(super) fn manifold_of<'py>(
 /// A tuple of two NumPy arrays.
 type TwoArrays<'py> = (Bound<'py, PyArrayDyn<f64>>, Bound<'py, PyArrayDyn<f64>>);
 
-/// The tunes of orbits, (T, 2n) or (T, M, 2n) with T states each, in every plane: (turns, changes), both (n,) or
-/// (M, n). Turns are per step, from p towards q, between -1/2 and 1/2, by windowed frequency analysis. Changes are the
-/// differences between the turns of the two halves of an orbit: small on an invariant torus, else a sign of chaos. Both
-/// are NaN for orbits that have fewer than 32 states or are lost, and of motion that is too slow for the orbit, or for a
-/// half of it (about one turn). Raises Error of arrays of other shapes.
+/// The tunes of orbits, (T, 2n) or (T, M, 2n) with T states each, in every plane: (turns, changes), both (n,) or (M,
+/// n). Turns are per step, from p towards q, between -1/2 and 1/2, by windowed frequency analysis. Changes are the
+/// differences between the turns of the two halves of an orbit: small on an invariant torus, else a sign of chaos.
+/// Both are NaN for orbits that have fewer than 32 states or are lost, and of motion that is too slow for the orbit,
+/// or for a half of it (about one turn). Raises Error of arrays of other shapes.
 #[pyfunction]
 pub(super) fn tunes<'py>(py: Python<'py>, orbits: Rows<'py>) -> PyResult<TwoArrays<'py>> {
     let (values, shape) = read("orbits", &orbits)?;
