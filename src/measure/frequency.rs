@@ -1,5 +1,6 @@
 //! Frequencies of quasi-periodic signals, and the tunes of orbits, by windowed frequency analysis.
 
+use super::golden_section::golden_section;
 use crate::flow::Trajectories;
 use crate::scalar::{Elementary, max_or_nan};
 use crate::stopping::is_stopped;
@@ -159,27 +160,10 @@ fn peak(signal: &[[f64; 2]]) -> f64 {
 
 /// The maximum within so much of a place, by golden section.
 fn highest(signal: &[[f64; 2]], weights: &[f64], place: f64, within: f64) -> f64 {
-    let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
-    let (mut low, mut high) = (place - within, place + within);
-    let at = |frequency: f64| size(signal, weights, frequency);
-    let (mut a, mut b) = (high - golden * (high - low), low + golden * (high - low));
-    let (mut of_a, mut of_b) = (at(a), at(b));
     // Nearer to the maximum squares differ by less than their rounding: there the derivative is asked.
     let coarse = 1e-3 / weights.len() as f64;
-    for _ in 0..STEPS {
-        if high - low <= coarse || is_stopped() {
-            break;
-        }
-        if of_a > of_b {
-            (high, b, of_b) = (b, a, of_a);
-            a = high - golden * (high - low);
-            of_a = at(a);
-        } else {
-            (low, a, of_a) = (a, b, of_b);
-            b = low + golden * (high - low);
-            of_b = at(b);
-        }
-    }
+    let at = |frequency: f64| -size(signal, weights, frequency);
+    let [low, high] = golden_section(at, [place - within, place + within], coarse);
     slope_root(signal, weights, 0.5 * (low + high), coarse)
 }
 

@@ -1,5 +1,6 @@
 //! Invariant circles of maps of a plane, by Fourier series.
 
+use super::golden_section::golden_section;
 use crate::error::Error;
 use crate::phase::AreaDensity;
 use crate::scalar::{Elementary, max_or_nan};
@@ -187,27 +188,14 @@ impl InvariantCircle {
 
     /// The least distance from a place within a sample of `count` on either side of sample k, by golden section.
     fn distance_within(&self, place: &[f64], k: f64, count: f64) -> f64 {
-        const STEPS: usize = 40;
-        let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
         let apart = |u: f64| {
             let (point, _) = self.at(u);
             libm::hypot(point[0] - place[0], point[1] - place[1])
         };
-        let (mut low, mut high) = ((k - 1.0) / count, (k + 1.0) / count);
-        let (mut a, mut b) = (high - golden * (high - low), low + golden * (high - low));
-        let (mut of_a, mut of_b) = (apart(a), apart(b));
-        for _ in 0..STEPS {
-            if of_a < of_b {
-                (high, b, of_b) = (b, a, of_a);
-                a = high - golden * (high - low);
-                of_a = apart(a);
-            } else {
-                (low, a, of_a) = (a, b, of_b);
-                b = low + golden * (high - low);
-                of_b = apart(b);
-            }
-        }
-        if of_a < of_b { of_a } else { of_b }
+        // Distances about a minimum differ by the square of this.
+        let enough = 1e-8 / count;
+        let [low, high] = golden_section(apart, [(k - 1.0) / count, (k + 1.0) / count], enough);
+        apart(0.5 * (low + high))
     }
 
     /// By Newton's method for (K − z)·K′ = 0 from a place near.

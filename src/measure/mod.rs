@@ -20,6 +20,7 @@ mod drift;
 mod equivariance;
 mod frequency;
 pub mod fuzz;
+mod golden_section;
 mod horizon;
 mod implicit;
 mod invariant_circle;

@@ -78,6 +78,8 @@ fn a_section_is_charted_and_its_points_are_predicted() {
     let report = std::fs::read_to_string(folder.join("model-report/report.md")).expect("a report");
     assert!(report.contains("--section section.npz"), "{report}");
     assert!(report.contains("of a section") && !report.contains("do not keep"), "{report}");
+    let label = "in the canonical coordinates of the section";
+    assert!(report.contains(label) && !report.contains("(rms, in units of the data)"), "{report}");
 
     let predict = ["predict", "--model", "model.json", "--input", "z.npy", "--steps", "3"];
     let both: Vec<&str> = predict.iter().chain(&["--output", "t.npy"]).copied().collect();
@@ -98,7 +100,9 @@ fn a_section_is_charted_and_its_points_are_predicted() {
         states.state(0, 1),
         &read_points(&folder.join("z.npy"), 1).expect("read").points[2..]
     );
-    succeeds(folder, &["verify", "--model", "model.json", "--samples", "20"]);
+    let verified = succeeds(folder, &["verify", "--model", "model.json", "--samples", "20"]);
+    let said = text(&verified.stderr);
+    assert!(said.contains("areas are kept as well as its density is known"), "{said}");
 
     // A polynomial in the same chart, without training; without the chart it errs.
     let fit = ["fit", "--data", "pairs.npz", "--degree", "6", "--output"];
