@@ -1683,16 +1683,13 @@ fn turns_follow_from_a_trace_and_what_they_are_near() {
 #[test]
 fn a_reach_beyond_the_surfaces_is_said_with_its_place() {
     let coils = Torsatron::default().coils().expect("sound").all().expect("coils");
-    for reach in [0.25, 0.26] {
-        let request = LineRequest { reach, guess: Some([3.95, 0.0]), error: 1e-4, ..request() };
-        match LineSection::new(&coils, request) {
-            Ok(section) => assert!(section.error() < 1e-4, "{reach}"),
-            Err(error) => {
-                let text = error.to_string();
-                assert!(text.contains("reach") && text.contains("(R, Z) = ("), "{reach}: {text}");
-            }
-        }
+    let of = |reach| LineRequest { reach, guess: Some([3.95, 0.0]), error: 1e-4, ..request() };
+    for reach in [0.28, 0.32] {
+        let text = LineSection::new(&coils, of(reach)).expect_err("lost lines").to_string();
+        assert!(text.contains("reach") && text.contains("(R, Z) = ("), "{reach}: {text}");
     }
+    let section = LineSection::new(&coils, of(0.2)).expect("surfaces");
+    assert!(section.error() < 1e-4);
     let far = LineRequest { phi: 1e300, ..request() };
     let text = LineSection::new(&coils, far).expect_err("no angle").to_string();
     assert!(text.contains("phi"), "{text}");
@@ -1726,6 +1723,7 @@ fn sections_without_an_axis_or_within_coils_are_refused() {
     for bad in [
         LineRequest { reach: 0.0, ..request() },
         LineRequest { angle: f64::NAN, ..request() },
+        LineRequest { angle: 1.0, ..request() },
         LineRequest { phi: f64::INFINITY, ..request() },
         LineRequest { error: 0.0, ..request() },
         LineRequest { guess: Some([f64::NAN, 0.0]), ..request() },

@@ -236,6 +236,102 @@ fn points_among_the_pairs_need_iterations_too() {
     assert!(certificate.holds(), "{}", certificate.summary());
 }
 
+/// The mirror image of a point has the mirror image of its image, bit for bit, although a start is fitted and not exact.
+#[test]
+fn mirror_images_are_moved_alike_bit_for_bit() {
+    let symmetries = Symmetries { reversor: None, mirrored: vec![2] };
+    let map = SymplecticPolynomial::fit_symmetric(&pairs_of(2, 2000, kicked), 7, &symmetries);
+    let map = map.expect("a map");
+    let mut stream = Stream::new(4, "points");
+    for _ in 0..200 {
+        let mut point = [0; 4].map(|_| stream.uniform(-0.5, 0.5));
+        let mut turned = [point[0], -point[1], point[2], -point[3]];
+        map.step(&mut point);
+        map.step(&mut turned);
+        let back = [turned[0], -turned[1], turned[2], -turned[3]];
+        assert_eq!(back.map(f64::to_bits), point.map(f64::to_bits));
+    }
+}
+
+/// The last iterations may take the matrix of the one before: what they find is what Newton's method finds, to rounding,
+/// and without them the images are others.
+#[test]
+fn frozen_iterations_find_what_newtons_method_finds() {
+    let pairs = pairs_of(2, 4000, kicked);
+    let symmetries = Symmetries { reversor: Some(Reversor::Momenta), mirrored: vec![2] };
+    let starts: Vec<f64> = pairs.input()[..400].to_vec();
+    let mut needed = Vec::new();
+    for degree in 4..=10 {
+        let map = SymplecticPolynomial::fit_symmetric(&pairs, degree, &symmetries).expect("a map");
+        let text = serde_json::to_value(&map).expect("JSON");
+        let Some(frozen) = text["forward"]["frozen"].as_u64() else { continue };
+        let with = |iterations: u64, frozen: u64| {
+            let mut other = text.clone();
+            other["forward"]["iterations"] = iterations.into();
+            other["forward"]["frozen"] = frozen.into();
+            let other: SymplecticPolynomial = serde_json::from_value(other).expect("a polynomial");
+            other.check().expect("a sound one");
+            let request = Rollout { steps: 1, every: 1 };
+            let images = other.rollout(&starts, request).expect("states")[starts.len()..].to_vec();
+            images
+        };
+        let iterations = map.iterations() as u64;
+        let apart = |a: Vec<f64>, b: Vec<f64>| -> f64 {
+            a.iter().zip(&b).map(|(a, b)| (a - b).abs()).fold(0.0, max_or_nan)
+        };
+        let own = with(iterations, frozen);
+        let missed = apart(own.clone(), with(iterations + 2, 0));
+        assert!(missed < 4e-16, "{degree}: {missed:e}");
+        needed.push(apart(own, with(iterations - 1, frozen - 1)));
+        // All of them cannot be frozen.
+        let mut wrong = text.clone();
+        wrong["forward"]["frozen"] = iterations.into();
+        let wrong: SymplecticPolynomial = serde_json::from_value(wrong).expect("a polynomial");
+        let error = wrong.check().expect_err("no matrix").to_string();
+        assert!(error.contains("frozen iterations"), "{error}");
+    }
+    let found = needed.iter().filter(|apart| **apart > 1e-14).count();
+    assert!(found >= 2, "{needed:?}");
+}
+
+/// A file of before coordinates had an order and starts a parity, and its images with the bits that they had.
+#[test]
+fn older_files_are_read_to_the_same_bits() {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+    let path = path.join("tests/models/version-1-polynomial.json");
+    let stored = gyroceptron::io::load_polynomial(&path).expect("a polynomial");
+    let points = [
+        [-0.41435083285637564, -0.2631894934039003, 0.3012744652063969, 0.08216203606436778],
+        [-0.4058713577596008, -0.0668730597635262, -0.020948701859165975, -0.34026108536292143],
+        [0.23457715140921453, -0.3863279800785966, -0.10877180950433796, 0.016740182621363675],
+    ];
+    let images: [[u64; 4]; 3] = [
+        [0xbf9a4af39742481d, 0x3f93cef099fe1f0a, 0x3fe042f6be44d88f, 0x3fd1cd41ddca443d],
+        [0xbfd19c6ccdc89456, 0xbfd5f9bb3ce2a6c7, 0x3fd34ebf92ad812a, 0xbf90eafb016a2da7],
+        [0x3fb0706884f7a1c7, 0xbfb8960754e40a35, 0xbfcfc6061c347206, 0x3fd7e4c1b3ca5443],
+    ];
+    for (mut point, image) in points.into_iter().zip(images) {
+        stored.map.map().step(&mut point);
+        assert_eq!(point.map(f64::to_bits), image);
+    }
+}
+
+/// Pairs in coordinates that are not canonical have no images by a generating function: what is wrong with them is said,
+/// and not that Newton's method failed.
+#[test]
+fn pairs_that_keep_no_area_are_told_from_a_failure() {
+    let squeezed = |z: &mut [f64]| {
+        kicked(z);
+        for (k, v) in z.iter_mut().enumerate() {
+            *v *= 1.0 + 0.9 * (3.0 * *v + k as f64).sin();
+        }
+    };
+    let fit = PolynomialFit { degree: Some(9), ..PolynomialFit::default() };
+    let error = fit.run(pairs_of(2, 1500, squeezed), &mut |_| Ok(Control::Continue));
+    let text = error.expect_err("no symplectic map").to_string();
+    assert!(text.contains("areas up to") && text.contains("canonical coordinates"), "{text}");
+}
+
 /// Points to sample fill the box of the pairs, 1/√2 as wide about its middle: the pairs of the identity have no other
 /// frame than that of the axes.
 #[test]

@@ -92,7 +92,10 @@ impl LineSection {
         // of the map is another one than at its beginning, and lines drift.
         let is_whole = |turns: f64| (turns - turns.round()).abs() <= WHOLE * turns;
         let parts = (1..=MOST_PARTS).find(|parts| is_whole(*parts as f64 * angle / TAU));
-        let parts = parts.unwrap_or(1);
+        let parts = parts.ok_or_else(|| {
+            let expected = format!("turns that are whole after {MOST_PARTS} maps or fewer");
+            Error::invalid("angle", format!("{} turns", angle / TAU), expected)
+        })?;
         let symmetric = |points: usize| points.next_multiple_of(parts);
         let mut points = symmetric(FEWEST_POINTS.max(2 * modes));
         let mut field = CoilField::new(coils, points)?;
@@ -191,6 +194,20 @@ impl LineSection {
             out.field.check_at([place[0], place[1]], self.request.phi, sign.signum())?;
         }
         Ok(out)
+    }
+
+    /// In one map of so many it is looked at how near lines come to coils, which takes as long as following them.
+    pub const LOOKED_AT: usize = 5;
+
+    /// Whether each line from these points, (..., 2), stays over one map where the field is that of the coils: as far
+    /// from them as points along them resolve. Of a line that is lost it is not so.
+    ///
+    /// # Errors
+    /// Those of [`LineMap::nearest_to_coils`].
+    pub fn are_resolved(&self, points: &[f64]) -> Result<Vec<bool>, Error> {
+        let resolved = self.field.resolved_from();
+        let nearest = self.map().nearest_to_coils(points, 1)?;
+        Ok(nearest.into_iter().map(|near| near >= resolved).collect())
     }
 
     /// The magnetic field of the coils.

@@ -16,16 +16,28 @@ pub(super) struct ProductBasis {
     centre: Vec<f64>,
     /// One over half the extent of the box along each coordinate.
     pub(super) factors: Vec<f64>,
-    /// Of each of these lists of coordinates the degrees have an even sum.
-    even: Vec<Vec<usize>>,
-    /// Terms in the last coordinate, run after run.
+    /// Which terms there are, of those of the total degree.
+    parity: Parity,
+    /// The coordinates in the order of the degrees of a run: those in most lists of the parity first, so that runs are
+    /// long.
+    pub(super) order: Vec<usize>,
+    /// The place of each coordinate in this order.
+    pub(super) places: Vec<usize>,
+    /// Terms in the last coordinate of the order, run after run.
     pub(super) runs: Vec<Run>,
 }
 
-/// Terms that differ in their degree in the last coordinate alone.
+/// Lists of coordinates, of each of which a term's degrees have an even or an odd sum.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Parity {
+    pub(super) even: Vec<Vec<usize>>,
+    pub(super) odd: Vec<Vec<usize>>,
+}
+
+/// Terms that differ in their degree in the last coordinate of the order alone.
 #[derive(Clone, Debug)]
 pub(super) struct Run {
-    /// The degrees in all coordinates but the last.
+    /// The degrees in all coordinates but the last of the order.
     pub(super) degrees: Vec<usize>,
     /// The lowest degree in the last one.
     pub(super) lowest: usize,
@@ -33,7 +45,7 @@ pub(super) struct Run {
     pub(super) stride: usize,
     /// The number of terms in the run.
     pub(super) terms: usize,
-    /// The first coordinate whose degree differs in the next run; 0 in the last run.
+    /// The first coordinate of the order whose degree differs in the next run; 0 in the last run.
     pub(super) closes: usize,
 }
 
@@ -43,14 +55,23 @@ pub(super) struct Run {
 struct Kept {
     degree: usize,
     even: Vec<Vec<usize>>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    odd: Vec<Vec<usize>>,
     centre: Vec<f64>,
     factors: Vec<f64>,
+    /// Nothing where it is that of the coordinates themselves, as in files that do not say it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    order: Vec<usize>,
 }
 
 impl From<ProductBasis> for Kept {
     fn from(basis: ProductBasis) -> Self {
-        let ProductBasis { degree, centre, factors, even, .. } = basis;
-        Self { degree, even, centre, factors }
+        let ProductBasis { dim, degree, centre, factors, parity, mut order, .. } = basis;
+        if order.iter().copied().eq(0..dim) {
+            order.clear();
+        }
+        let Parity { even, odd } = parity;
+        Self { degree, even, odd, centre, factors, order }
     }
 }
 
@@ -58,14 +79,29 @@ impl TryFrom<Kept> for ProductBasis {
     type Error = Error;
 
     fn try_from(kept: Kept) -> Result<Self, Error> {
-        let Kept { degree, even, centre, factors } = kept;
+        let Kept { degree, even, odd, centre, factors, mut order } = kept;
+        let parity = Parity { even, odd };
         let dim = centre.len();
         Error::check_count_range("coordinates", dim, 1, DIM)?;
         Error::check_count("factors", dim, factors.len())?;
-        Error::check_count_range("even", even.len(), 0, dim)?;
-        for list in &even {
-            Error::check_count_range("coordinates that are even", list.len(), 1, dim)?;
-            list.iter().try_for_each(|axis| Error::check_count_range("even", *axis, 0, dim - 1))?;
+        for (name, lists) in [("even", &parity.even), ("odd", &parity.odd)] {
+            Error::check_count_range(name, lists.len(), 0, dim)?;
+            for list in lists {
+                Error::check_count_range(
+                    &format!("coordinates that are {name}"),
+                    list.len(),
+                    1,
+                    dim,
+                )?;
+                list.iter()
+                    .try_for_each(|axis| Error::check_count_range(name, *axis, 0, dim - 1))?;
+            }
+        }
+        if order.is_empty() {
+            order = (0..dim).collect();
+        }
+        if !(0..dim).all(|axis| order.contains(&axis)) || order.len() != dim {
+            return Err(Error::invalid("order", format!("{order:?}"), "each coordinate once"));
         }
         if terms(dim, degree).is_none() {
             let expected = format!("one of {MOST_TERMS} terms at most");
@@ -75,7 +111,8 @@ impl TryFrom<Kept> for ProductBasis {
         factors
             .iter()
             .try_for_each(|f| Error::check_range("factor", *f, Error::LEAST_POSITIVE, f64::MAX))?;
-        Ok(Self { dim, degree, centre, factors, runs: runs(dim, degree, &even), even })
+        let box_of = Self { centre, factors, ..Self::of(dim, degree) };
+        Ok(box_of.ordered(parity, order))
     }
 }
 
@@ -94,12 +131,38 @@ pub(super) fn terms(dim: usize, degree: usize) -> Option<usize> {
 }
 
 /// How many of the terms of a total degree have even sums of degrees in these lists of coordinates.
-pub(super) fn even_terms(dim: usize, degree: usize, even: &[Vec<usize>]) -> usize {
-    runs(dim, degree, even).iter().map(|run| run.terms).sum()
+pub(super) fn even_terms(dim: usize, degree: usize, even: Vec<Vec<usize>>) -> usize {
+    let parity = Parity { even, odd: Vec::new() };
+    let order = parity.order(dim);
+    runs(degree, &parity, &order).iter().map(|run| run.terms).sum()
 }
 
-/// All runs, of the terms whose degrees in each of these lists of coordinates have an even sum.
-fn runs(dim: usize, degree: usize, even: &[Vec<usize>]) -> Vec<Run> {
+impl Parity {
+    /// The coordinates, those in most lists first.
+    fn order(&self, dim: usize) -> Vec<usize> {
+        let lists = |axis: &usize| {
+            let all = self.even.iter().chain(&self.odd);
+            all.filter(|list| list.contains(axis)).count()
+        };
+        let mut order: Vec<usize> = (0..dim).collect();
+        order.sort_by_key(|axis| std::cmp::Reverse(lists(axis)));
+        order
+    }
+
+    /// Whether a term with these degrees in coordinates of this order has it.
+    fn has(&self, order: &[usize], degree: impl Fn(usize) -> usize) -> bool {
+        let sum = |list: &Vec<usize>| -> usize {
+            let own = |(place, axis): (usize, &usize)| list.contains(axis).then(|| degree(place));
+            order.iter().enumerate().filter_map(own).sum()
+        };
+        self.even.iter().all(|list| sum(list).is_multiple_of(2))
+            && self.odd.iter().all(|list| !sum(list).is_multiple_of(2))
+    }
+}
+
+/// All runs, of terms with this parity.
+fn runs(degree: usize, parity: &Parity, order: &[usize]) -> Vec<Run> {
+    let dim = order.len();
     let mut all = vec![Vec::new()];
     for _ in 1..dim {
         let longer = |degrees: &Vec<usize>| -> Vec<Vec<usize>> {
@@ -114,10 +177,7 @@ fn runs(dim: usize, degree: usize, even: &[Vec<usize>]) -> Vec<Run> {
         .filter_map(|degrees| {
             let left = degree - degrees.iter().sum::<usize>();
             let is_term = |k: &usize| {
-                even.iter().all(|list| {
-                    let of = |axis: &usize| if *axis == last { *k } else { degrees[*axis] };
-                    list.iter().map(of).sum::<usize>().is_multiple_of(2)
-                })
+                parity.has(order, |place| if place == last { *k } else { degrees[place] })
             };
             let own: Vec<usize> = (0..=left).filter(is_term).collect();
             // All of them, or those of one parity.
@@ -150,17 +210,33 @@ impl ProductBasis {
             centre.push(0.5 * (low + high));
             factors.push(2.0 / (high - low));
         }
-        Ok(Self { dim, degree, centre, factors, even: Vec::new(), runs: runs(dim, degree, &[]) })
+        let box_of = Self { centre, factors, ..Self::of(dim, degree) };
+        Ok(box_of.ordered(Parity::default(), (0..dim).collect()))
     }
 
-    /// Without the terms whose degrees in some of these lists of coordinates have an odd sum.
-    pub(super) fn even(self, even: Vec<Vec<usize>>) -> Self {
-        Self { runs: runs(self.dim, self.degree, &even), even, ..self }
+    /// Without terms, over no box.
+    fn of(dim: usize, degree: usize) -> Self {
+        let [centre, factors] = [vec![0.0; dim], vec![1.0; dim]];
+        let (parity, order, places, runs) = Default::default();
+        Self { dim, degree, centre, factors, parity, order, places, runs }
     }
 
-    /// Of each of these lists of coordinates the degrees have an even sum.
-    pub(super) fn even_lists(&self) -> &[Vec<usize>] {
-        &self.even
+    /// With the terms of this parity alone.
+    pub(super) fn with_parity(self, parity: Parity) -> Self {
+        let order = parity.order(self.dim);
+        self.ordered(parity, order)
+    }
+
+    fn ordered(self, parity: Parity, order: Vec<usize>) -> Self {
+        let runs = runs(self.degree, &parity, &order);
+        let place = |axis| order.iter().position(|other| *other == axis);
+        let places = (0..self.dim).map(|axis| place(axis).expect("all coordinates")).collect();
+        Self { parity, order, places, runs, ..self }
+    }
+
+    /// Which terms of its total degree it has.
+    pub(super) fn parity(&self) -> &Parity {
+        &self.parity
     }
 
     /// How many terms there are.
@@ -253,12 +329,13 @@ impl ProductBasis {
         for (axis, tables) in tables.chunks_exact_mut(2 * count).enumerate() {
             self.fill_with_derivatives(axis, &[z[axis]], tables);
         }
-        let of = |axis: usize, k: usize| {
+        let of = |place: usize, k: usize| {
+            let axis = self.order[place];
             tables[(2 * axis + usize::from(along == Some(axis))) * count + k][0]
         };
         let (last, mut out) = (self.dim - 1, Vec::new());
         for Run { degrees, lowest, stride, terms, .. } in &self.runs {
-            let first: f64 = degrees.iter().enumerate().map(|(axis, k)| of(axis, *k)).product();
+            let first: f64 = degrees.iter().enumerate().map(|(place, k)| of(place, *k)).product();
             out.extend((0..*terms).map(|k| first * of(last, lowest + k * stride)));
         }
         out
@@ -277,8 +354,9 @@ impl ProductBasis {
         out: &mut [[S; G]; DIM],
     ) {
         let count = self.count();
-        for axis in 0..dim {
-            self.fill(axis, &z[axis], &mut tables[axis * count..][..count]);
+        for place in 0..dim {
+            let axis = self.order[place];
+            self.fill(axis, &z[axis], &mut tables[place * count..][..count]);
         }
         for k in 0..outputs {
             out[k] = [S::zero(); G];
@@ -296,9 +374,9 @@ impl ProductBasis {
                 }
             }
             let mut first = [S::from_f64(1.0); G];
-            for (axis, k) in run.degrees.iter().enumerate() {
+            for (place, k) in run.degrees.iter().enumerate() {
                 for g in 0..G {
-                    first[g] *= tables[axis * count + k][g];
+                    first[g] *= tables[place * count + k][g];
                 }
             }
             for k in 0..outputs {

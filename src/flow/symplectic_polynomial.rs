@@ -2,7 +2,7 @@
 
 use super::lane_map::{self, LaneMap};
 use super::polynomial_map::MOST_NUMBERS;
-use super::product_basis::{DIM, ProductBasis, Run, even_terms, least_squares, terms};
+use super::product_basis::{DIM, Parity, ProductBasis, Run, even_terms, least_squares, terms};
 use super::{Pairs, PolynomialMap};
 use crate::error::Error;
 use crate::layer::Reversor;
@@ -25,9 +25,9 @@ use serde::{Deserialize, Serialize};
 ///
 /// S is a sum of products of Chebyshev polynomials of a total degree over the box of the midpoints of the pairs. A step
 /// solves w = u + ½Ω∇S(w) for the midpoint w by Newton's method, from a polynomial that is near it, with a fixed number
-/// of iterations, which brings all pairs to rounding, and points among them where these have a midpoint; then v = 2w −
-/// u. The map is symplectic for every S, to the error of this solution. Its inverse has −S for S, and a start and a
-/// number of iterations of its own.
+/// of iterations, of which the last may keep the matrix of an earlier one. They bring all pairs to rounding, and points
+/// among them where these have a midpoint; then v = 2w − u. The map is symplectic for every S, to the error of this
+/// solution. Its inverse has −S for S, and a start and a number of iterations of its own.
 ///
 /// Where a [`Reversor`] R conjugates the map to its inverse, z′ = c + L·N(L(z − c)) with L² in place of M, RLR = L⁻¹
 /// and Rc = c, and S is even, S∘R = S: it has about half the coefficients, and RPR = P⁻¹ for all of them, to the error
@@ -58,6 +58,13 @@ pub struct SymplecticPolynomial {
 struct Solution {
     start: Start,
     iterations: usize,
+    /// The last so many of them solve with the matrix of the one before, and need no Hessian of their own.
+    #[serde(default, skip_serializing_if = "is_none")]
+    frozen: usize,
+}
+
+fn is_none(count: &usize) -> bool {
+    *count == 0
 }
 
 /// What a map has in common with its images under reflections.
@@ -105,9 +112,13 @@ impl Symmetries {
     /// The lists of coordinates in which S is even, those that the reversor turns around being the first half.
     fn even(&self, dof: usize) -> Vec<Vec<usize>> {
         let reversed = self.reversor.map(|_| (0..dof).collect());
-        let mirrored = || (0..2 * dof).filter(|k| self.is_mirrored(*k, dof)).collect();
-        let mirrored = (!self.mirrored.is_empty()).then(mirrored);
-        reversed.into_iter().chain(mirrored).collect()
+        reversed.into_iter().chain(self.lists_mirrored(dof)).collect()
+    }
+
+    /// The coordinates that the mirror turns around, in a list of their own; no list where there are none.
+    fn lists_mirrored(&self, dof: usize) -> Vec<Vec<usize>> {
+        let list: Vec<usize> = (0..2 * dof).filter(|k| self.is_mirrored(*k, dof)).collect();
+        if list.is_empty() { Vec::new() } else { vec![list] }
     }
 
     /// Sets to 0 what a matrix that commutes with the mirror does not have.
@@ -143,11 +154,19 @@ struct Frame {
 struct Start {
     basis: ProductBasis,
     coefficients: Vec<f64>,
+    /// The polynomials, odd in these, of the coordinates that a mirror turns around, where those above, even in them,
+    /// are of the others alone.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    mirrored: Option<Box<Start>>,
 }
 
 /// A solution takes no more iterations.
 const MOST_ITERATIONS: usize = 12;
-/// Of Newton's method, a change by this share is the last but for rounding, as errors are squared.
+/// And no more of them in a row without a matrix of their own: each is as good as the first.
+const MOST_FROZEN: usize = 2;
+/// A share of half the box that is below rounding, and whose derivatives are.
+const LEFT: f64 = 1e-18;
+/// Of an iteration that converges as Newton's method does, a change by this share is the last but for rounding.
 const LAST_CHANGE: f64 = 3e-9;
 /// A matrix of a file is symplectic to this, over the sums of the sizes of the products that this compares.
 const NEARLY: f64 = 1e-10;
@@ -213,7 +232,8 @@ impl SymplecticPolynomial {
             Some(_) => [&middles[..], &reverse(&middles)].concat(),
         };
         let both = symmetries.with_images(both, dof);
-        let basis = ProductBasis::around(&both, dim, degree)?.even(symmetries.even(dof));
+        let parity = Parity { even: symmetries.even(dof), odd: Vec::new() };
+        let basis = ProductBasis::around(&both, dim, degree)?.with_parity(parity);
         let coefficients = generator(&basis, &middles, &before, &after).map_err(|error| {
             let different = pairs.different_inputs();
             let terms = Self::terms(dof, degree, symmetries).unwrap_or(usize::MAX);
@@ -233,7 +253,11 @@ impl SymplecticPolynomial {
             }
         };
         let [before, after] = [before, after].map(|points| symmetries.with_images(points, dof));
-        let none = Solution { start: Start::fit(&before, &both, dim, 1)?, iterations: 0 };
+        let none = Solution {
+            start: Start::fit(&before, &both, symmetries, dof, 1)?,
+            iterations: 0,
+            frozen: 0,
+        };
         let (forward, backward) = (none.clone(), none);
         let symmetries = symmetries.clone();
         let map = Self { dof, symmetries, frame, basis, coefficients, forward, backward };
@@ -265,46 +289,40 @@ impl SymplecticPolynomial {
 
     /// How many terms a generating function of this degree has with these symmetries; None of too many.
     pub fn terms(dof: usize, degree: usize, symmetries: &Symmetries) -> Option<usize> {
-        terms(2 * dof, degree).map(|_| even_terms(2 * dof, degree, &symmetries.even(dof)))
+        terms(2 * dof, degree).map(|_| even_terms(2 * dof, degree, symmetries.even(dof)))
     }
 
-    /// The map with the start and the number of iterations that cost least, of those that find the midpoints of these
-    /// points, and of points among them if these have any.
+    /// The map with the start and the iterations that cost least, of those that find the midpoints of these points, and
+    /// of points among them if these have any.
     fn with_solution(mut self, points: &[f64], middles: &[f64]) -> Result<Self, Error> {
-        let (dim, count, degree) = (2 * self.dof, self.coefficients.len(), self.basis.degree);
+        let (dim, degree) = (2 * self.dof, self.basis.degree);
+        let symmetries = self.symmetries.clone();
         let among = among(&ProductBasis::around(points, dim, 1)?);
-        // The cost of a step in products: those of the start, and each iteration's along the last coordinate and of
-        // sums with the coordinates before it.
-        let of_run = |closes| (closes..dim - 1).map(|axis| jet(dim - axis)).sum::<usize>();
-        let folds: usize = self.basis.runs.iter().map(|run| of_run(run.closes)).sum();
         let mut best: Option<(usize, Solution)> = None;
-        let mut change = f64::NAN;
+        let (mut bend, mut change) = (None, f64::NAN);
         for start in 1..=degree {
-            let Some(of_start) = terms(dim, start).filter(|count| 2 * dim * count <= points.len())
-            else {
+            let Some(all) = terms(dim, start).filter(|all| 2 * dim * all <= points.len()) else {
                 break;
             };
+            if all * points.len() / dim > MOST_NUMBERS {
+                break;
+            }
+            self.forward.start = Start::fit(points, middles, &symmetries, self.dof, start)?;
+            // In thirds of what a product of an iteration takes.
+            let of_start = 2 * self.forward.start.products();
             // With an iteration, starts of higher degrees cost more than all of the best.
-            let iteration = TABLES * count + folds;
-            if best.as_ref().is_some_and(|(least, _)| dim * of_start + iteration >= *least)
-                || of_start * points.len() / dim > MOST_NUMBERS
-            {
+            let least = best.as_ref().map_or(usize::MAX, |(least, _)| *least);
+            if of_start + 3 * self.products::<TABLES>() >= least {
                 break;
             }
-            self.forward.start = Start::fit(points, middles, dim, start)?;
-            let found = self.iterations_needed(points);
-            change = found.1;
-            let Some(of_points) = found.0 else { continue };
-            let iterations = match self.iterations_needed(&among) {
-                (Some(of_others), _) if of_others > of_points => of_others,
-                _ => of_points,
-            };
-            self.forward.iterations = iterations;
-            let cost = dim * of_start + iterations * iteration;
-            if best.as_ref().is_none_or(|(least, _)| cost < *least) {
-                best = Some((cost, self.forward.clone()));
+            let found = self.iterations_needed(points, &among, &mut bend, &mut change);
+            let Some([own, frozen]) = found else { continue };
+            let cost = of_start + self.cost(own, frozen);
+            if cost < least {
+                let start = self.forward.start.clone();
+                best = Some((cost, Solution { start, iterations: own + frozen, frozen }));
             }
-            if iterations == 1 {
+            if own + frozen == 1 {
                 break;
             }
         }
@@ -317,19 +335,62 @@ impl SymplecticPolynomial {
         }
     }
 
-    /// The first number of iterations whose last change is one of rounding for all points; and the last change.
-    fn iterations_needed(&self, before: &[f64]) -> (Option<usize>, f64) {
-        const BLOCK: usize = 256;
-        let mut largest = f64::NAN;
-        for iterations in 1..=MOST_ITERATIONS {
-            let of = |points| on_independent_lanes(Changes { map: self, points, iterations });
-            let changes = before.par_chunks(BLOCK * 2 * self.dof).map(of);
-            largest = changes.reduce(|| 0.0, max_or_nan);
-            if largest <= LAST_CHANGE {
-                return (Some(iterations), largest);
+    /// The iterations from the present start that cost least, with a matrix of their own and without: of those that
+    /// find the midpoints of these points, and of points among them if these have any. `bend` is what is known of
+    /// [`left`]'s, and `change` the last change.
+    fn iterations_needed(
+        &self,
+        points: &[f64],
+        among: &[f64],
+        bend: &mut Option<f64>,
+        change: &mut f64,
+    ) -> Option<[usize; 2]> {
+        let are_found = |own: usize, frozen: usize, points: &[f64], bend: Option<f64>| {
+            left(self.changes(points, [own + frozen, frozen]), frozen, bend) <= LEFT
+        };
+        let have_midpoints = are_found(MOST_ITERATIONS, 0, among, *bend);
+        let (mut before, mut best) = (None, None::<[usize; 2]>);
+        for own in 1..=MOST_ITERATIONS {
+            let [_, last] = self.changes(points, [own, 0]);
+            *bend = bend_of(before, last, *bend);
+            (before, *change) = (Some(last), last);
+            let are_all_found = |frozen: &usize| {
+                are_found(own, *frozen, points, *bend)
+                    && (!have_midpoints || are_found(own, *frozen, among, *bend))
+            };
+            let most = MOST_FROZEN.min(MOST_ITERATIONS - own);
+            let Some(frozen) = (0..=most).find(are_all_found) else { continue };
+            if best.is_none_or(|[a, b]| self.cost(own, frozen) < self.cost(a, b)) {
+                best = Some([own, frozen]);
+            }
+            if frozen == 0 {
+                break;
             }
         }
-        (None, largest)
+        best
+    }
+
+    /// What so many iterations with a matrix of their own and without cost, in thirds of a product.
+    fn cost(&self, own: usize, frozen: usize) -> usize {
+        3 * (own * self.products::<TABLES>() + frozen * self.products::<2>())
+    }
+
+    /// The products of an iteration with derivatives of order below T: each term's along the last coordinate, and those
+    /// of sums with the coordinates before it.
+    fn products<const T: usize>(&self) -> usize {
+        let dim = 2 * self.dof;
+        let of_run = |closes| (closes..dim - 1).map(|axis| jet::<T>(dim - axis)).sum::<usize>();
+        let folds: usize = self.basis.runs.iter().map(|run| of_run(run.closes)).sum();
+        T * self.coefficients.len() + folds
+    }
+
+    /// The largest change at some of these points by the last iteration with a matrix of its own, and by the last of
+    /// all, in units of half the box.
+    fn changes(&self, points: &[f64], iterations: [usize; 2]) -> [f64; 2] {
+        const BLOCK: usize = 256;
+        let of = |points| on_independent_lanes(Changes { map: self, points, iterations });
+        let changes = points.par_chunks(BLOCK * 2 * self.dof).map(of);
+        changes.reduce(|| [0.0; 2], |a, b| [max_or_nan(a[0], b[0]), max_or_nan(a[1], b[1])])
     }
 
     /// Fails unless its parts are of one size, finite and symplectic; for maps that are read from files. Whether
@@ -342,12 +403,16 @@ impl SymplecticPolynomial {
         let dim = 2 * self.dof;
         self.symmetries.check(self.dof)?;
         self.frame.check(dim)?;
-        let expected = self.symmetries.even(self.dof);
-        if self.basis.even_lists() != expected {
-            let found = format!("{:?}", self.basis.even_lists());
-            let expected = format!("{expected:?} of these symmetries");
-            return Err(Error::invalid("coordinates that are even", found, expected));
-        }
+        let check_parity = |basis: &ProductBasis, expected: Parity| {
+            let found = basis.parity();
+            let unlike = || {
+                let expected = format!("{expected:?} of these symmetries");
+                Error::invalid("coordinates that are even", format!("{found:?}"), expected)
+            };
+            (*found == expected).then_some(()).ok_or_else(unlike)
+        };
+        let even = self.symmetries.even(self.dof);
+        check_parity(&self.basis, Parity { even, odd: Vec::new() })?;
         self.check_symmetries()?;
         let check = |place: &str, basis: &ProductBasis, coefficients: &[f64], each: usize| {
             Error::check_count("coordinates of a basis", dim, basis.dim)?;
@@ -355,11 +420,17 @@ impl SymplecticPolynomial {
             coefficients.iter().try_for_each(|c| Error::check_finite(place, *c))
         };
         check("coefficients", &self.basis, &self.coefficients, 1)?;
-        for Solution { start, iterations } in [&self.forward, &self.backward] {
+        for Solution { start, iterations, frozen } in [&self.forward, &self.backward] {
             Error::check_count_range("iterations", *iterations, 1, MOST_ITERATIONS)?;
-            check("start: coefficients", &start.basis, &start.coefficients, dim)?;
-            // The work space of a step is for the degree of S.
-            Error::check_count_range("start: degree", start.basis.degree, 0, self.basis.degree)?;
+            // The first has none before it.
+            Error::check_count_range("frozen iterations", *frozen, 0, iterations - 1)?;
+            for (part, parity, outputs) in start.parts(&self.symmetries, self.dof) {
+                check("start: coefficients", &part.basis, &part.coefficients, outputs.len())?;
+                check_parity(&part.basis, parity)?;
+                // The work space of a step is for the degree of S.
+                let degree = part.basis.degree;
+                Error::check_count_range("start: degree", degree, 0, self.basis.degree)?;
+            }
         }
         Ok(())
     }
@@ -369,7 +440,7 @@ impl SymplecticPolynomial {
         let (dof, dim) = (self.dof, 2 * self.dof);
         let Self { symmetries, frame: Frame { from, entry, to, exit }, .. } = self;
         let fail = |found: &str| Err(Error::invalid("frame", found, "one with these symmetries"));
-        for list in self.basis.even_lists() {
+        for list in &self.basis.parity().even {
             if list.iter().any(|axis| self.basis.centre()[*axis] != 0.0) {
                 return fail("a box that is not about 0");
             }
@@ -527,78 +598,113 @@ impl SymplecticPolynomial {
         lane_map::move_all(self, points).expect("whole points");
     }
 
-    /// w of u at G points, and the last change of each of its components.
+    /// w of u at G points; and, of each component, the change by the last iteration with a matrix of its own, and that
+    /// by the last of all.
     #[inline(always)]
     fn midpoint<S: Scalar, const D: usize, const G: usize>(
         &self,
         here: &[[S; G]; DIM],
         space: &mut [[S; G]],
-        iterations: usize,
-    ) -> ([[S; G]; DIM], [[S; G]; DIM]) {
+        [iterations, frozen]: [usize; 2],
+    ) -> ([[S; G]; DIM], [[[S; G]; DIM]; 2]) {
         let dim = if D > 0 { D } else { 2 * self.dof };
         let dof = dim / 2;
         let half = S::from_f64(0.5);
-        let tables = TABLES * self.basis.count();
+        let places = &self.basis.places;
         let mut middle = [[S::zero(); G]; DIM];
-        let Start { basis, coefficients } = &self.forward.start;
-        basis.values(dim, dim, coefficients, here, space, &mut middle);
-        let mut change = [[S::zero(); G]; DIM];
-        for _ in 0..iterations {
+        let Start { basis, coefficients, mirrored } = &self.forward.start;
+        match mirrored {
+            None => basis.values(dim, dim, coefficients, here, space, &mut middle),
+            Some(odd) => {
+                let count = 2 * self.symmetries.mirrored.len();
+                let mut own = [[S::zero(); G]; DIM];
+                basis.values(dim, dim - count, coefficients, here, space, &mut own);
+                let mut odd_ones = [[S::zero(); G]; DIM];
+                odd.basis.values(dim, count, &odd.coefficients, here, space, &mut odd_ones);
+                let (mut k, mut odd_k) = (0, 0);
+                for axis in 0..dim {
+                    if self.symmetries.is_mirrored(axis, dof) {
+                        middle[axis] = odd_ones[odd_k];
+                        odd_k += 1;
+                    } else {
+                        middle[axis] = own[k];
+                        k += 1;
+                    }
+                }
+            }
+        }
+        let (tables, rest) = space.split_at_mut(TABLES * dim * self.basis.count());
+        let (sums, matrix) = rest.split_at_mut(jets_before::<TABLES>(dim, dim - 1));
+        let matrix = &mut matrix[..dim * dim];
+        let mut changes = [[[S::zero(); G]; DIM]; 2];
+        for iteration in 0..iterations {
             for axis in 0..dim {
                 // What the midpoint is in error by goes with the iteration.
                 for g in 0..G {
                     middle[axis][g] = middle[axis][g].without_bound();
                 }
-                let tables = &mut space[axis * tables..][..tables];
-                self.basis.fill_with_derivatives(axis, &middle[axis], tables);
             }
-            let (gradient, hessian) = self.derivatives(dim, space);
+            let has_own = iteration + frozen < iterations;
             // (1 − ½ΩH) δ = w − u − ½Ω∇S
-            let mut matrix = [[[S::zero(); G]; DIM]; DIM];
-            let mut rest = [[S::zero(); G]; DIM];
-            for i in 0..dof {
-                for g in 0..G {
-                    rest[i][g] = (middle[i][g] - here[i][g]) - half * gradient[dof + i][g];
-                    rest[dof + i][g] =
-                        half.mul_add(gradient[i][g], middle[dof + i][g] - here[dof + i][g]);
+            if has_own {
+                self.derivatives::<S, TABLES, G>(dim, &middle, tables, sums);
+                for i in 0..dof {
                     for k in 0..dim {
-                        matrix[i][k][g] = -(half * hessian[dof + i][k][g]);
-                        matrix[dof + i][k][g] = half * hessian[i][k][g];
+                        let column = places[k];
+                        let q = curvature(dim, places[i], column);
+                        let p = curvature(dim, places[dof + i], column);
+                        for g in 0..G {
+                            matrix[i * dim + k][g] = -(half * sums[p][g]);
+                            matrix[(dof + i) * dim + k][g] = half * sums[q][g];
+                        }
                     }
                 }
+                for i in 0..dim {
+                    for g in 0..G {
+                        matrix[i * dim + i][g] += S::from_f64(1.0);
+                    }
+                }
+                factorise(dim, matrix);
+            } else {
+                self.derivatives::<S, 2, G>(dim, &middle, tables, sums);
             }
-            for i in 0..dim {
+            let mut rest = [[S::zero(); G]; DIM];
+            for i in 0..dof {
+                let (q, p) = (slope(places[i]), slope(places[dof + i]));
                 for g in 0..G {
-                    matrix[i][i][g] += S::from_f64(1.0);
+                    rest[i][g] = (middle[i][g] - here[i][g]) - half * sums[p][g];
+                    rest[dof + i][g] =
+                        half.mul_add(sums[q][g], middle[dof + i][g] - here[dof + i][g]);
                 }
             }
-            change = solved(dim, &mut matrix, rest);
+            let change = solved(dim, matrix, rest);
             for i in 0..dim {
                 for g in 0..G {
                     middle[i][g] -= change[i][g];
                 }
             }
+            changes = [if has_own { change } else { changes[0] }, change];
         }
-        (middle, change)
+        (middle, changes)
     }
 
-    /// The sum over terms that differ in their degree in the last coordinate, of the term and of its first and second
-    /// derivative by it.
+    /// The sum over terms that differ in their degree in the last coordinate, of the term and of its first T − 1
+    /// derivatives by it.
     #[inline(always)]
-    fn along_last<S: Scalar, const G: usize>(
+    fn along_last<S: Scalar, const T: usize, const G: usize>(
         &self,
         dim: usize,
         run: &Run,
         own: &[f64],
-        space: &[[S; G]],
-    ) -> [[S; G]; TABLES] {
+        tables: &[[S; G]],
+    ) -> [[S; G]; T] {
         let count = self.basis.count();
-        let tables = &space[TABLES * (dim - 1) * count..][..TABLES * count];
-        let mut out = [[S::zero(); G]; TABLES];
+        let tables = &tables[T * (dim - 1) * count..][..T * count];
+        let mut out = [[S::zero(); G]; T];
         for (k, c) in own.iter().enumerate() {
             let c = S::from_f64(*c);
             let power = run.lowest + k * run.stride;
-            for order in 0..TABLES {
+            for order in 0..T {
                 for g in 0..G {
                     out[order][g] = tables[order * count + power][g].mul_add(c, out[order][g]);
                 }
@@ -607,16 +713,23 @@ impl SymplecticPolynomial {
         out
     }
 
-    /// ∇S and its Hessian H, the entries on and below its diagonal. Sums over the terms of like degrees in the first
-    /// coordinates are made from the last coordinate to the first, so that each is multiplied once for all terms in it.
+    /// The sums of the value of S and of its derivatives of order below T at w. Sums over the terms of like degrees in
+    /// the first coordinates are made from the last coordinate to the first, so that each is multiplied once for all
+    /// terms in it.
     #[inline(always)]
-    fn derivatives<S: Scalar, const G: usize>(
+    fn derivatives<S: Scalar, const T: usize, const G: usize>(
         &self,
         dim: usize,
-        space: &mut [[S; G]],
-    ) -> ([[S; G]; DIM], [[[S; G]; DIM]; DIM]) {
+        middle: &[[S; G]; DIM],
+        tables: &mut [[S; G]],
+        sums: &mut [[S; G]],
+    ) {
         let count = self.basis.count();
-        let (space, sums) = space.split_at_mut(TABLES * dim * count);
+        for (place, table) in tables.chunks_exact_mut(T * count).take(dim).enumerate() {
+            let axis = self.basis.order[place];
+            self.basis.fill_with_derivatives(axis, &middle[axis], table);
+        }
+        let sums = &mut sums[..jets_before::<T>(dim, dim - 1)];
         for sum in sums.iter_mut() {
             *sum = [S::zero(); G];
         }
@@ -624,35 +737,26 @@ impl SymplecticPolynomial {
         for run in &self.basis.runs {
             let own = &self.coefficients[first..first + run.terms];
             first += own.len();
-            let inner = self.along_last(dim, run, own, space);
-            let factor = entries_of(space, count, dim - 2, run.degrees[dim - 2]);
-            fold(1, factor, &inner, &mut sums[jets_before(dim, dim - 2)..]);
+            let inner: [[S; G]; T] = self.along_last(dim, run, own, tables);
+            let factor = entries_of(tables, count, dim - 2, run.degrees[dim - 2]);
+            fold::<S, T, G>(1, factor, &inner, &mut sums[jets_before::<T>(dim, dim - 2)..]);
             for axis in (run.closes..dim - 2).rev() {
-                let (own, inner) = sums[jets_before(dim, axis)..].split_at_mut(jet(dim - axis));
-                let inner = &mut inner[..jet(dim - axis - 1)];
-                let factor = entries_of(space, count, axis, run.degrees[axis]);
-                fold(dim - axis - 1, factor, inner, own);
+                let before = jets_before::<T>(dim, axis);
+                let (own, inner) = sums[before..].split_at_mut(jet::<T>(dim - axis));
+                let inner = &mut inner[..jet::<T>(dim - axis - 1)];
+                let factor = entries_of(tables, count, axis, run.degrees[axis]);
+                fold::<S, T, G>(dim - axis - 1, factor, inner, own);
                 for sum in inner {
                     *sum = [S::zero(); G];
                 }
             }
         }
-        let mut gradient = [[S::zero(); G]; DIM];
-        let mut hessian = [[[S::zero(); G]; DIM]; DIM];
-        for i in 0..dim {
-            gradient[i] = sums[slope(i)];
-            for j in 0..=i {
-                hessian[i][j] = sums[curvature(dim, i, j)];
-                hessian[j][i] = hessian[i][j];
-            }
-        }
-        (gradient, hessian)
     }
 }
 
-/// How many numbers the value of a function of so many coordinates and its derivatives of orders 1 and 2 are.
-const fn jet(coordinates: usize) -> usize {
-    (coordinates + 1) * (coordinates + 2) / 2
+/// How many numbers the value of a function of so many coordinates and its derivatives of orders below T are.
+const fn jet<const T: usize>(coordinates: usize) -> usize {
+    if T < TABLES { coordinates + 1 } else { (coordinates + 1) * (coordinates + 2) / 2 }
 }
 
 /// Where in these the derivative by a coordinate is.
@@ -660,57 +764,64 @@ const fn slope(i: usize) -> usize {
     1 + i
 }
 
-/// Where the one by coordinates i and j ≤ i is.
+/// Where the one by coordinates i and j is.
 const fn curvature(coordinates: usize, i: usize, j: usize) -> usize {
-    1 + coordinates + i * (i + 1) / 2 + j
+    let (low, high) = if i < j { (i, j) } else { (j, i) };
+    1 + coordinates + high * (high + 1) / 2 + low
 }
 
 /// The numbers of the sums over all coordinates, over all from the second on, and so on, before those from one on.
-const fn jets_before(dim: usize, axis: usize) -> usize {
+const fn jets_before<const T: usize>(dim: usize, axis: usize) -> usize {
     let (mut before, mut k) = (0, 0);
     while k < axis {
-        before += jet(dim - k);
+        before += jet::<T>(dim - k);
         k += 1;
     }
     before
 }
 
-/// A polynomial of one coordinate and its first two derivatives.
+/// A polynomial of one coordinate and its first T − 1 derivatives.
 #[inline(always)]
-fn entries_of<S: Scalar, const G: usize>(
-    space: &[[S; G]],
+fn entries_of<S: Scalar, const T: usize, const G: usize>(
+    tables: &[[S; G]],
     count: usize,
     axis: usize,
     degree: usize,
-) -> [[S; G]; TABLES] {
-    let mut out = [[S::zero(); G]; TABLES];
-    for order in 0..TABLES {
-        out[order] = space[(TABLES * axis + order) * count + degree];
+) -> [[S; G]; T] {
+    let mut out = [[S::zero(); G]; T];
+    for order in 0..T {
+        out[order] = tables[(T * axis + order) * count + degree];
     }
     out
 }
 
-/// Adds a function of one coordinate times a function of `others` coordinates that follow it, with their derivatives,
-/// to a sum of such products.
+/// Adds a function of one coordinate times a function of `others` coordinates that follow it, with their derivatives of
+/// order below T, to a sum of such products.
 #[inline(always)]
-fn fold<S: Scalar, const G: usize>(
+fn fold<S: Scalar, const T: usize, const G: usize>(
     others: usize,
-    first: [[S; G]; TABLES],
+    first: [[S; G]; T],
     inner: &[[S; G]],
     sums: &mut [[S; G]],
 ) {
     let all = others + 1;
     let [value, along, twice] = [0, slope(0), curvature(all, 0, 0)];
     for g in 0..G {
-        for order in 0..TABLES {
+        for order in 0..T {
             let to = [value, along, twice][order];
             sums[to][g] = first[order][g].mul_add(inner[0][g], sums[to][g]);
         }
     }
     for i in 0..others {
-        let (own, mixed) = (slope(i + 1), curvature(all, i + 1, 0));
+        let own = slope(i + 1);
         for g in 0..G {
             sums[own][g] = first[0][g].mul_add(inner[slope(i)][g], sums[own][g]);
+        }
+        if T < TABLES {
+            continue;
+        }
+        let mixed = curvature(all, i + 1, 0);
+        for g in 0..G {
             sums[mixed][g] = first[1][g].mul_add(inner[slope(i)][g], sums[mixed][g]);
         }
         for j in 0..=i {
@@ -734,40 +845,64 @@ fn among(box_of: &ProductBasis) -> Vec<f64> {
 
 /// Of a polynomial of one coordinate: it and its first two derivatives.
 const TABLES: usize = 3;
-/// The largest last change of Newton's method for some u, in units of half the box.
+/// The largest changes for some u, as [`SymplecticPolynomial::changes`] has them.
 struct Changes<'a> {
     map: &'a SymplecticPolynomial,
     points: &'a [f64],
-    iterations: usize,
+    /// The number of iterations, and of those that are frozen.
+    iterations: [usize; 2],
 }
 
 impl Kernel for Changes<'_> {
-    type Output = f64;
+    type Output = [f64; 2];
 
     #[inline(always)]
-    fn run<V: Pack>(self) -> f64 {
+    fn run<V: Pack>(self) -> [f64; 2] {
         let Self { map, points, iterations } = self;
         let dim = 2 * map.dof;
         let mut lanes = vec![V::zero(); dim];
         let mut shown = vec![0.0; V::LANES * dim];
         let mut space = vec![[V::zero()]; map.space()];
         let mut here = [[V::zero()]; DIM];
-        let mut largest = 0.0;
+        let mut largest = [0.0; 2];
         for group in points.chunks(V::LANES * dim) {
             load_groups(group, dim, &mut lanes);
             for k in 0..dim {
                 here[k] = [lanes[k]];
             }
-            let (_, change) = map.midpoint::<V, 0, 1>(&here, &mut space, iterations);
-            for k in 0..dim {
-                lanes[k] = change[k][0];
-            }
-            store_groups(&lanes, dim, &mut shown[..group.len()]);
-            for (k, change) in shown[..group.len()].iter().enumerate() {
-                largest = max_or_nan(largest, (change * map.basis.factors[k % dim]).abs());
+            let (_, changes) = map.midpoint::<V, 0, 1>(&here, &mut space, iterations);
+            for (change, largest) in changes.iter().zip(&mut largest) {
+                for k in 0..dim {
+                    lanes[k] = change[k][0];
+                }
+                store_groups(&lanes, dim, &mut shown[..group.len()]);
+                for (k, change) in shown[..group.len()].iter().enumerate() {
+                    *largest = max_or_nan(*largest, (change * map.basis.factors[k % dim]).abs());
+                }
             }
         }
         largest
+    }
+}
+
+/// The error that iterations leave, from the change by the last one with a matrix of its own and from the last change:
+/// Newton's method leaves its square times a number, the bend, and a frozen iteration twice the product of both changes
+/// times this number.
+fn left([own, last]: [f64; 2], frozen: usize, bend: Option<f64>) -> f64 {
+    /// The bend is larger elsewhere than where it was found, by this factor at most.
+    const SAFETY: f64 = 4.0;
+    let bend = bend.map_or(1.0, |bend| SAFETY * bend);
+    bend * last * if frozen == 0 { last } else { 2.0 * own }
+}
+
+/// The largest ratio of a change to the square of the one before it, where rounding has no part in it.
+fn bend_of(before: Option<f64>, last: f64, known: Option<f64>) -> Option<f64> {
+    const FAR_FROM_ROUNDING: f64 = 1e-12;
+    match before {
+        Some(before) if last > FAR_FROM_ROUNDING => {
+            Some(max_or_nan(known.unwrap_or(0.0), last / (before * before)))
+        }
+        _ => known,
     }
 }
 
@@ -794,7 +929,7 @@ impl LaneMap for SymplecticPolynomial {
 
     fn space(&self) -> usize {
         let dim = 2 * self.dof;
-        TABLES * dim * self.basis.count() + jets_before(dim, dim - 1)
+        TABLES * dim * self.basis.count() + jets_before::<TABLES>(dim, dim - 1) + dim * dim
     }
 
     #[inline(always)]
@@ -817,7 +952,8 @@ impl LaneMap for SymplecticPolynomial {
                 here[row] = along_row(&entry[row * dim..][..dim], &off, 0.0);
             }
         }
-        let (middle, _) = self.midpoint::<S, D, G>(&here, space, self.forward.iterations);
+        let Solution { iterations, frozen, .. } = self.forward;
+        let (middle, _) = self.midpoint::<S, D, G>(&here, space, [iterations, frozen]);
         for i in 0..dim {
             for g in 0..G {
                 here[i][g] = middle[i][g] + (middle[i][g] - here[i][g]);
@@ -852,50 +988,112 @@ fn along_row<S: Scalar, const G: usize>(row: &[f64], z: &[[S; G]; DIM], constant
     sum
 }
 
-/// The solution of `dim` equations by elimination. The matrix is near the identity.
+/// A matrix A near the identity, row by row ← L and U of A = LU, and one over the diagonal of U in its place.
+#[inline(always)]
+fn factorise<S: Scalar, const G: usize>(dim: usize, matrix: &mut [[S; G]]) {
+    for column in 0..dim {
+        let above = column * dim;
+        for g in 0..G {
+            matrix[above + column][g] = S::from_f64(1.0) / matrix[above + column][g];
+        }
+        for row in column + 1..dim {
+            let own = row * dim;
+            for g in 0..G {
+                let factor = matrix[own + column][g] * matrix[above + column][g];
+                matrix[own + column][g] = factor;
+                for k in column + 1..dim {
+                    let known = matrix[above + k][g];
+                    matrix[own + k][g] -= factor * known;
+                }
+            }
+        }
+    }
+}
+
+/// The solution of equations with a matrix that is [`factorise`]d.
 #[inline(always)]
 fn solved<S: Scalar, const G: usize>(
     dim: usize,
-    matrix: &mut [[[S; G]; DIM]; DIM],
+    matrix: &[[S; G]],
     mut right: [[S; G]; DIM],
 ) -> [[S; G]; DIM] {
-    for column in 0..dim {
-        for row in column + 1..dim {
+    for row in 1..dim {
+        for k in 0..row {
             for g in 0..G {
-                let factor = matrix[row][column][g] / matrix[column][column][g];
-                for k in column + 1..dim {
-                    let above = matrix[column][k][g];
-                    matrix[row][k][g] -= factor * above;
-                }
-                let above = right[column][g];
-                right[row][g] -= factor * above;
+                let known = right[k][g];
+                right[row][g] -= matrix[row * dim + k][g] * known;
             }
         }
     }
     for row in (0..dim).rev() {
-        for g in 0..G {
-            for k in row + 1..dim {
+        for k in row + 1..dim {
+            for g in 0..G {
                 let known = right[k][g];
-                right[row][g] -= matrix[row][k][g] * known;
+                right[row][g] -= matrix[row * dim + k][g] * known;
             }
-            right[row][g] /= matrix[row][row][g];
+        }
+        for g in 0..G {
+            right[row][g] *= matrix[row * dim + row][g];
         }
     }
     right
 }
 
 impl Start {
-    fn fit(before: &[f64], middles: &[f64], dim: usize, degree: usize) -> Result<Self, Error> {
-        let basis = ProductBasis::around(before, dim, degree)?;
-        let rows: Vec<Vec<f64>> =
-            before.par_chunks_exact(dim).map(|u| basis.products(u, None)).collect();
-        let coefficients = least_squares(
-            NAME,
-            [rows.len(), rows[0].len(), dim],
-            |i, k| rows[i][k],
-            |i, k| middles[i * dim + k],
-        )?;
-        Ok(Self { basis, coefficients })
+    fn fit(
+        before: &[f64],
+        middles: &[f64],
+        symmetries: &Symmetries,
+        dof: usize,
+        degree: usize,
+    ) -> Result<Self, Error> {
+        let fitted = |parity: Parity, outputs: &[usize]| -> Result<Self, Error> {
+            let basis = ProductBasis::around(before, 2 * dof, degree)?.with_parity(parity);
+            let rows: Vec<Vec<f64>> =
+                before.par_chunks_exact(2 * dof).map(|u| basis.products(u, None)).collect();
+            let coefficients = least_squares(
+                NAME,
+                [rows.len(), rows[0].len(), outputs.len()],
+                |i, k| rows[i][k],
+                |i, k| middles[i * 2 * dof + outputs[k]],
+            )?;
+            Ok(Self { basis, coefficients, mirrored: None })
+        };
+        let [(even, of_even), (odd, of_odd)] = Self::parities(symmetries, dof);
+        if of_even.is_empty() {
+            return fitted(odd, &of_odd);
+        }
+        let mirrored = match &of_odd[..] {
+            [] => None,
+            outputs => Some(Box::new(fitted(odd, outputs)?)),
+        };
+        Ok(Self { mirrored, ..fitted(even, &of_even)? })
+    }
+
+    /// The parity of the polynomials of coordinates that the mirror leaves, and these; and of those that it turns.
+    fn parities(symmetries: &Symmetries, dof: usize) -> [(Parity, Vec<usize>); 2] {
+        let lists = symmetries.lists_mirrored(dof);
+        let (turned, own) = (0..2 * dof).partition(|k| symmetries.is_mirrored(*k, dof));
+        let even = Parity { even: lists.clone(), odd: Vec::new() };
+        [(even, own), (Parity { even: Vec::new(), odd: lists }, turned)]
+    }
+
+    /// Its polynomials, their parities and the coordinates that they are of.
+    fn parts(&self, symmetries: &Symmetries, dof: usize) -> Vec<(&Self, Parity, Vec<usize>)> {
+        let [(even, of_even), (odd, of_odd)] = Self::parities(symmetries, dof);
+        match &self.mirrored {
+            Some(mirrored) => vec![(self, even, of_even), (mirrored, odd, of_odd)],
+            // Older files have all terms.
+            None if of_even.is_empty() && *self.basis.parity() != Parity::default() => {
+                vec![(self, odd, of_odd)]
+            }
+            None => vec![(self, Parity::default(), (0..2 * dof).collect())],
+        }
+    }
+
+    /// The products of its values at a point.
+    fn products(&self) -> usize {
+        self.coefficients.len() + self.mirrored.as_ref().map_or(0, |odd| odd.products())
     }
 }
 

@@ -88,6 +88,31 @@ impl OrbitMap for LineSection {
     }
 }
 
+impl FieldLines {
+    /// Of each line the first map, of those looked at, in which it comes too near to a coil.
+    fn first_near_coils(
+        &self,
+        states: &[f64],
+        maps: usize,
+        pace: &mut Pace<'_>,
+    ) -> Result<Vec<Option<usize>>, Error> {
+        let row = states.len() / (maps + 1);
+        let mut first = vec![None; row / 2];
+        for map in (0..maps).step_by(LineSection::LOOKED_AT) {
+            let (here, next) = states[map * row..][..2 * row].split_at(row);
+            let resolved = self.section.are_resolved(here)?;
+            for ((first, is_resolved), z) in first.iter_mut().zip(resolved).zip(next.chunks(2)) {
+                // Lines that are lost are said by themselves.
+                if first.is_none() && !is_resolved && z[0].is_finite() {
+                    *first = Some(map);
+                }
+            }
+            pace.pause("distances", 1)?;
+        }
+        Ok(first)
+    }
+}
+
 #[pymethods]
 impl FieldLines {
     #[new]
@@ -161,8 +186,9 @@ impl FieldLines {
     }
 
     /// The points of lines through `points`, (..., 2), map after map: (maps + 1, ..., 2). A line that is further from
-    /// the middle of the machine than any coil is NaN from there on (UserWarning). Lines that come near to a coil are
-    /// not told from others, though the field there is that of points along it: see `distance_to_coils`.
+    /// the middle of the machine than any coil is NaN from there on (UserWarning). Nearer to a coil than points along
+    /// it resolve, the field is not that of the coil: in one map of five it is looked at whether a line comes there
+    /// (UserWarning); `distance_to_coils` looks at all.
     fn trace<'py>(
         &self,
         py: Python<'py>,
@@ -175,6 +201,22 @@ impl FieldLines {
         let traced = |pace: &mut Pace<'_>| self.section.followed(&points.values, maps, pace);
         states.extend(interruptible(py, traced)?);
         let row = points.values.len();
+        let near = interruptible(py, |pace| self.first_near_coils(&states, maps, pace))?;
+        if let Some((line, map)) = near.iter().enumerate().find_map(|(k, map)| Some((k, (*map)?))) {
+            let here = &states[map * row + 2 * line..][..2];
+            let count = near.iter().flatten().count();
+            warn(
+                py,
+                &format!(
+                    "{count} of {} lines come nearer to a coil than {:.3} m, where the field of points along it is not \
+                     its own: the first is row {line} (counted from 0), after map {map}, at (R, Z) = ({:.4}, {:.4})",
+                    row / 2,
+                    self.section.field().resolved_from(),
+                    here[0],
+                    here[1]
+                ),
+            )?;
+        }
         if let Some(index) = states.iter().position(|v| v.is_nan()) {
             let end = &states[maps * row..];
             let count = end.chunks_exact(2).filter(|z| z[0].is_nan()).count();

@@ -158,8 +158,6 @@ fn usual_epsilon() -> f64 {
 
 /// More lines are a mistake.
 const MOST_LINES: usize = 1_000_000;
-/// In one map of so many it is looked at how near lines come to coils, which takes as long as tracing.
-const LOOKED_AT: usize = 5;
 /// The smallest number of lines: fewer do not fill a section.
 const LEAST_LINES: usize = 4;
 
@@ -401,16 +399,15 @@ impl OfMachine {
         };
         let starts = section.starts(count);
         let end = &states[2 * maps * count..];
-        let resolved = section.field().resolved_from();
         let mut stays: Vec<bool> =
             end.chunks_exact(2).map(|z| z.iter().all(|v| v.is_finite())).collect();
-        for map in (0..maps).step_by(LOOKED_AT) {
+        for map in (0..maps).step_by(LineSection::LOOKED_AT) {
             if stopped() {
                 return Ok(None);
             }
             let here = &states[2 * count * map..][..2 * count];
-            let nearest = section.map().nearest_to_coils(here, 1)?;
-            stays.iter_mut().zip(nearest).for_each(|(stays, near)| *stays &= near >= resolved);
+            let resolved = section.are_resolved(here)?;
+            stays.iter_mut().zip(resolved).for_each(|(stays, resolved)| *stays &= resolved);
         }
         let kept: Vec<usize> = (0..count).filter(|m| stays[*m]).collect();
         if kept.len() < LEAST_LINES {

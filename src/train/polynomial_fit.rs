@@ -202,7 +202,23 @@ impl PolynomialFit {
                 digest,
                 notes: self.notes(&all, repeated)?,
             }),
-            (None, Some(reason)) => Err(reason),
+            (None, Some(reason)) => {
+                // Pairs that keep no area have no such images, whatever the degree.
+                let notes = self.notes(&all, repeated)?;
+                let of_pairs = |note: &FitNote| match note {
+                    FitNote::Form(defect, on_section) => {
+                        let found =
+                            format!("ones that keep areas up to {:.1e} only", defect.median);
+                        let expected = match on_section {
+                            true => "pairs that keep the area of their section",
+                            false => "pairs of a symplectic map, in canonical coordinates",
+                        };
+                        Some(Error::invalid("pairs", found, expected))
+                    }
+                    _ => None,
+                };
+                Err(notes.iter().find_map(of_pairs).unwrap_or(reason))
+            }
             (None, None) => unreachable!("the first degree is tried"),
         }
     }

@@ -412,6 +412,70 @@ fn a_chain_of_the_field_is_found_and_as_wide_by_a_map() {
     assert!(of_field < 1e-6 && of_polynomial < 1e-9, "{of_field:e} {of_polynomial:e}");
 }
 
+/// What the guide says of the torsatron, of the scene as it is: errors of a period and of ι, surfaces over a million
+/// periods beside polynomials, Tr M of the axis, and the width of the islands.
+#[test]
+#[ignore = "takes six minutes: run it with --ignored"]
+fn surfaces_of_coils_are_kept_over_a_million_periods() {
+    let folder = folder();
+    let path = folder.path();
+    succeeds(path, &["run", "coils", "--out", "a", "--threads", "2"]);
+    let report = std::fs::read_to_string(path.join("a/report.json")).expect("a report");
+    let report: Value = serde_json::from_str(&report).expect("JSON");
+    let found = &report["studies"]["poincare"];
+    let number = |value: &Value| value.as_f64().unwrap_or(f64::NAN);
+    let methods = found["methods"].as_array().expect("methods");
+    let method = |name: &str| {
+        methods.iter().find(|method| method["name"] == name).unwrap_or_else(|| panic!("{name}"))
+    };
+    // The furthest line after each number of periods.
+    let off = |name: &str| -> Vec<f64> {
+        let rows = method(name)["off"].as_array().expect("distances").iter();
+        let lines = rows.map(|row| row[1].as_array().expect("lines"));
+        lines.map(|lines| lines.iter().map(number).fold(0.0, max_or_nan)).collect()
+    };
+    // The curves of the reference are known to this.
+    let known = number(&found["off_curves"]);
+    assert!(known < 2e-8, "{known:e}");
+    let turns_of = |rows: &Value| -> Vec<[f64; 2]> {
+        let rows = rows.as_array().expect("lines").iter();
+        rows.map(|line| [number(&line["turns"]), number(&line["error"])]).collect()
+    };
+    let reference = turns_of(&found["profile"]);
+    for name in ["reversible", "jolts"] {
+        let one = number(&method(name)["one"][0]);
+        assert!(one < 1e-9, "{name}: {one:e}");
+        // No growth over 10³, 10⁴, 10⁵ and 10⁶ periods.
+        let off = off(name);
+        assert!(off.len() == 4 && off.iter().all(|off| *off < 1.5 * known), "{name}: {off:?}");
+        let own = turns_of(&method(name)["rotation"]);
+        let mut apart: Vec<f64> = own
+            .iter()
+            .zip(&reference)
+            .filter(|(own, known)| own[1] < 1e-9 && known[1] < 1e-9)
+            .map(|(own, known)| (own[0] - known[0]).abs() * 10.0)
+            .collect();
+        apart.sort_by(f64::total_cmp);
+        let (median, largest) = (apart[apart.len() / 2], apart[apart.len() - 1]);
+        assert!(apart.len() > 90, "{name}: {}", apart.len());
+        assert!(median < 2e-9 && largest < 1e-7, "{name}: {median:e} {largest:e}");
+    }
+    // Polynomials of as much time leave their surfaces.
+    let plain = off("polynomial of degree 28");
+    assert!(plain[3] > 10.0 * off("jolts")[3] && plain[3] > 4.0 * plain[2], "{plain:?}");
+    let orbits = &found["orbits"];
+    let maps = orbits["found"].as_array().expect("maps");
+    let of = |name: &str| maps.iter().find(|map| map["name"] == name).expect("a map");
+    let by_field = number(&orbits["axis"]["trace"]);
+    for (name, most) in [("reversible", 1e-8), ("reversible polynomial of degree 33", 5e-9)] {
+        let own = number(&of(name)["axis"]["trace"]);
+        assert!((own - by_field).abs() < most, "{name}: {own} {by_field}");
+    }
+    let width = number(&orbits["chain"]["width"]);
+    let own = number(&of("reversible")["chain"]["width"]);
+    assert!(width > 6.0e-4 && (own / width - 1.0).abs() < 0.01, "{own} {width}");
+}
+
 /// The map of the scene loses the lines that the field loses, and its manifold begins where that of the field does.
 #[test]
 #[ignore = "takes nine minutes: run it with --ignored"]

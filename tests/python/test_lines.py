@@ -338,6 +338,13 @@ def test_bad_lines_are_refused(lines, tmp_path):
     with pytest.warns(UserWarning, match=r"1 of 2 lines leave the machine.*row 0 .*in map 1"):
         states = lines.trace(places, 2)
     assert np.isnan(states[1:, 0]).all() and np.isfinite(states[:, 1]).all()
+    # One comes nearer to a coil than points along it resolve, though it stays in the machine.
+    coarse = gyroceptron.FieldLines(reach=0.06, error=1e-6)
+    beside = [[3.96, 0.0], [4.2, 0.0]]
+    words = r"1 of 2 lines come nearer to a coil.*row 1 .*after map 0, at \(R, Z\) = \(4.2000"
+    with pytest.warns(UserWarning, match=words):
+        states = coarse.trace(beside, 1)
+    assert np.isfinite(states).all() and coarse.distance_to_coils(beside, 1)[1] > 0.5
     jacobians = lines.jacobian(places)
     assert np.isnan(jacobians[0]).all() and abs(np.linalg.det(jacobians[1]) - 1) < 0.1
     distances = lines.distance_to_coils(places, 3)

@@ -53,6 +53,22 @@ def test_the_example_trains_a_pendulum(capsys):
     assert np.median(names["drift"] / action) < 0.1
 
 
+def test_a_particle_is_followed_in_coordinates_that_are_made_canonical():
+    [example] = [block for block in BLOCKS if "to_canonical" in block]
+    names = {}
+    exec(example, names)
+    z, orbits = names["z"], names["orbits"]
+    assert np.abs(names["from_canonical"](names["to_canonical"](z)) - z).max() < 1e-14
+    assert names["fast"].error(names["before"], names["images"]) < 1e-7
+    here = names["some"]
+    for _ in range(1000):
+        here = names["after"](here)
+    assert np.abs(orbits[-1] - here).max() < 1e-4
+    # As they are, the pairs are of no map that keeps dq dp.
+    with pytest.raises(gyroceptron.Error, match="canonical coordinates"):
+        gyroceptron.SymplecticPolynomial(z, names["after"](z), 9)
+
+
 def test_field_lines_are_learnt_and_asked(tmp_path, monkeypatch):
     [example] = [block for block in BLOCKS if "FieldLines" in block]
     monkeypatch.chdir(tmp_path)

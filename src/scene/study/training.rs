@@ -355,30 +355,42 @@ impl TrainingResult {
 }
 
 fn overview(results: &[TrainingResult], baseline: Baseline) -> Table {
-    let mut table = Table::new([
+    // With weights the loss is no mean squared error: what it is of held-out pairs stands beside it.
+    let is_weighted = results.iter().any(|result| !result.loss_weights.is_empty());
+    let held_out_loss = is_weighted.then_some(("held-out loss", Format::Exponent(3)));
+    let columns = [
         ("network", Format::Exact),
         ("parameters", Format::Exact),
         ("optimiser", Format::Exact),
         ("iterations", Format::Exact),
-        ("loss", Format::Exponent(3)),
+        (if is_weighted { "loss, weighted" } else { "loss" }, Format::Exponent(3)),
+    ];
+    let errors = [
         ("held-out MSE", Format::Exponent(3)),
         ("rms", Format::Exponent(2)),
         ("relative to rms z", Format::Exponent(2)),
         ("share of the motion beyond the rotation", Format::Percent),
-    ]);
+    ];
+    let mut table = Table::new(columns.into_iter().chain(held_out_loss).chain(errors));
     for result in results.iter().filter(|result| result.is_first()) {
         let validation = result.held_out_error.and_then(finite);
-        table.push([
+        let mut row = vec![
             format!("`{}`", result.name).into(),
             result.parameters.into(),
             result.optimiser.into(),
             result.last.iteration.into(),
             finite(result.loss).into(),
+        ];
+        if is_weighted {
+            row.push(result.best.validation.and_then(finite).into());
+        }
+        row.extend([
             validation.into(),
             validation.map(f64::sqrt).into(),
             validation.map(|error| error.sqrt() / baseline.size).into(),
             result.share(baseline.rotation_error).into(),
         ]);
+        table.push(row);
     }
     table
 }
