@@ -272,8 +272,7 @@ fn frozen_iterations_find_what_newtons_method_finds() {
             let other: SymplecticPolynomial = serde_json::from_value(other).expect("a polynomial");
             other.check().expect("a sound one");
             let request = Rollout { steps: 1, every: 1 };
-            let images = other.rollout(&starts, request).expect("states")[starts.len()..].to_vec();
-            images
+            other.rollout(&starts, request).expect("states")[starts.len()..].to_vec()
         };
         let iterations = map.iterations() as u64;
         let apart = |a: Vec<f64>, b: Vec<f64>| -> f64 {
