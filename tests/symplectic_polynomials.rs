@@ -293,6 +293,41 @@ fn frozen_iterations_find_what_newtons_method_finds() {
     assert!(found >= 2, "{needed:?}");
 }
 
+/// Files whose starts are not what the symmetries ask for are refused, before a step would fail.
+#[test]
+fn starts_of_other_coordinates_are_refused() {
+    let none = Symmetries::default();
+    let second = Symmetries { reversor: None, mirrored: vec![2] };
+    let all = Symmetries { reversor: None, mirrored: vec![1, 2] };
+    let refused = |symmetries: &Symmetries, change: &dyn Fn(&mut serde_json::Value)| -> String {
+        let map = SymplecticPolynomial::fit_symmetric(&pairs_of(2, 800, kicked), 4, symmetries);
+        let mut text = serde_json::to_value(map.expect("a map")).expect("JSON");
+        let sound: SymplecticPolynomial = serde_json::from_value(text.clone()).expect("sound");
+        sound.check().expect("sound");
+        change(&mut text["forward"]["start"]);
+        let map: SymplecticPolynomial = serde_json::from_value(text).expect("a polynomial");
+        map.check().expect_err("refused").to_string()
+    };
+    let empty = |start: &mut serde_json::Value| {
+        let mut own = start.clone();
+        own["coefficients"] = serde_json::json!([]);
+        start["mirrored"] = own;
+    };
+    for symmetries in [&none, &all] {
+        let error = refused(symmetries, &empty);
+        assert!(error.contains("start: coordinates"), "{error}");
+    }
+    let nested = |start: &mut serde_json::Value| {
+        let own = start["mirrored"].clone();
+        start["mirrored"]["mirrored"] = own;
+    };
+    let error = refused(&second, &nested);
+    assert!(error.contains("start: coordinates"), "{error}");
+    let off = |start: &mut serde_json::Value| start["basis"]["centre"][1] = 0.1.into();
+    let error = refused(&second, &off);
+    assert!(error.contains("start: box"), "{error}");
+}
+
 /// A file of before coordinates had an order and starts a parity, and its images with the bits that they had.
 #[test]
 fn older_files_are_read_to_the_same_bits() {

@@ -89,7 +89,7 @@ class ByTracing:
         """The first point of the periodic orbit near the last one."""
         z = self.guess[period]
         for _ in range(20):
-            states = lines.trace(z, period)
+            states = lines.trace(z, period, near_coils=False)
             whole = np.eye(2)
             for jacobian in lines.jacobian(states[:-1]):
                 whole = jacobian @ whole

@@ -154,7 +154,7 @@ def main():
     starts = machine.lines.starts(options.lines)
     learnt = min(LEARNT, options.periods)
     held = np.arange(options.lines) % 8 == 3
-    states, tracing = seconds(lambda: machine.lines.trace(starts, learnt))
+    states, tracing = seconds(lambda: machine.lines.trace(starts, learnt, near_coils=False))
     pairs = states[:, ~held]
     truth = machine.lines.trace(starts[held], options.periods)
     # Lines that are long off, half of them.

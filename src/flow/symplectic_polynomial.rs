@@ -162,6 +162,8 @@ struct Start {
 
 /// A solution takes no more iterations.
 const MOST_ITERATIONS: usize = 12;
+/// A change by more than this, in units of half the box, says nothing of the error that is left.
+const FAR_OFF: f64 = 0.1;
 /// And no more of them in a row without a matrix of their own: each is as good as the first.
 const MOST_FROZEN: usize = 2;
 /// A share of half the box that is below rounding, and whose derivatives are.
@@ -355,10 +357,15 @@ impl SymplecticPolynomial {
             *bend = bend_of(before, last, *bend);
             (before, *change) = (Some(last), last);
             let are_all_found = |frozen: &usize| {
-                are_found(own, *frozen, points, *bend)
-                    && (!have_midpoints || are_found(own, *frozen, among, *bend))
+                let of_points = match *frozen {
+                    0 => left([last, last], 0, *bend) <= LEFT,
+                    frozen => are_found(own, frozen, points, *bend),
+                };
+                of_points && (!have_midpoints || are_found(own, *frozen, among, *bend))
             };
-            let most = MOST_FROZEN.min(MOST_ITERATIONS - own);
+            // From far off a matrix that is kept does not lead to rounding.
+            let is_near = last < FAR_OFF;
+            let most = if is_near { MOST_FROZEN.min(MOST_ITERATIONS - own) } else { 0 };
             let Some(frozen) = (0..=most).find(are_all_found) else { continue };
             if best.is_none_or(|[a, b]| self.cost(own, frozen) < self.cost(a, b)) {
                 best = Some([own, frozen]);
@@ -425,6 +432,14 @@ impl SymplecticPolynomial {
             // The first has none before it.
             Error::check_count_range("frozen iterations", *frozen, 0, iterations - 1)?;
             for (part, parity, outputs) in start.parts(&self.symmetries, self.dof) {
+                // Each plane is mirrored or not, and a part of none has no polynomials.
+                Error::check_count_range("start: coordinates", outputs.len(), 1, dim)?;
+                for axis in parity.even.iter().chain(&parity.odd).flatten() {
+                    if part.basis.centre().get(*axis).is_some_and(|centre| *centre != 0.0) {
+                        let expected = "one about 0 along what is mirrored";
+                        return Err(Error::invalid("start: box", "one that is not", expected));
+                    }
+                }
                 check("start: coefficients", &part.basis, &part.coefficients, outputs.len())?;
                 check_parity(&part.basis, parity)?;
                 // The work space of a step is for the degree of S.
@@ -895,11 +910,12 @@ fn left([own, last]: [f64; 2], frozen: usize, bend: Option<f64>) -> f64 {
     bend * last * if frozen == 0 { last } else { 2.0 * own }
 }
 
-/// The largest ratio of a change to the square of the one before it, where rounding has no part in it.
+/// The largest ratio of a change to the square of the one before it, where Newton's method converges and rounding has no
+/// part in it.
 fn bend_of(before: Option<f64>, last: f64, known: Option<f64>) -> Option<f64> {
     const FAR_FROM_ROUNDING: f64 = 1e-12;
     match before {
-        Some(before) if last > FAR_FROM_ROUNDING => {
+        Some(before) if last > FAR_FROM_ROUNDING && last < before && before < FAR_OFF => {
             Some(max_or_nan(known.unwrap_or(0.0), last / (before * before)))
         }
         _ => known,
@@ -1078,11 +1094,16 @@ impl Start {
         [(even, own), (Parity { even: Vec::new(), odd: lists }, turned)]
     }
 
-    /// Its polynomials, their parities and the coordinates that they are of.
+    /// Its polynomials, their parities and the coordinates that they are of. Polynomials of mirrored coordinates have
+    /// none of their own, which [`SymplecticPolynomial::check`] sees as a part of none.
     fn parts(&self, symmetries: &Symmetries, dof: usize) -> Vec<(&Self, Parity, Vec<usize>)> {
         let [(even, of_even), (odd, of_odd)] = Self::parities(symmetries, dof);
         match &self.mirrored {
-            Some(mirrored) => vec![(self, even, of_even), (mirrored, odd, of_odd)],
+            Some(mirrored) => {
+                let mut parts = vec![(self, even, of_even), (&**mirrored, odd, of_odd)];
+                parts.extend(mirrored.mirrored.as_deref().map(|n| (n, Parity::default(), vec![])));
+                parts
+            }
             // Older files have all terms.
             None if of_even.is_empty() && *self.basis.parity() != Parity::default() => {
                 vec![(self, odd, of_odd)]

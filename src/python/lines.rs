@@ -187,13 +187,16 @@ impl FieldLines {
 
     /// The points of lines through `points`, (..., 2), map after map: (maps + 1, ..., 2). A line that is further from
     /// the middle of the machine than any coil is NaN from there on (UserWarning). Nearer to a coil than points along
-    /// it resolve, the field is not that of the coil: in one map of five it is looked at whether a line comes there
-    /// (UserWarning); `distance_to_coils` looks at all.
+    /// it resolve, the field is not that of the coil: unless `near_coils` is False, in the first map and in one of five
+    /// it is looked at whether a line comes there (UserWarning), which takes as long as following it through these;
+    /// `distance_to_coils` looks at all.
+    #[pyo3(signature = (points, maps, *, near_coils=true))]
     fn trace<'py>(
         &self,
         py: Python<'py>,
         points: Rows<'py>,
         maps: usize,
+        near_coils: bool,
     ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         let points = points_of("points", &points, 1)?;
         Error::check_count_range("maps", maps, 1, 1 << 32)?;
@@ -201,7 +204,10 @@ impl FieldLines {
         let traced = |pace: &mut Pace<'_>| self.section.followed(&points.values, maps, pace);
         states.extend(interruptible(py, traced)?);
         let row = points.values.len();
-        let near = interruptible(py, |pace| self.first_near_coils(&states, maps, pace))?;
+        let near = match near_coils {
+            true => interruptible(py, |pace| self.first_near_coils(&states, maps, pace))?,
+            false => Vec::new(),
+        };
         if let Some((line, map)) = near.iter().enumerate().find_map(|(k, map)| Some((k, (*map)?))) {
             let here = &states[map * row + 2 * line..][..2];
             let count = near.iter().flatten().count();

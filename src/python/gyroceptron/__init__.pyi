@@ -392,7 +392,7 @@ class FieldLines:
         """Turns about the axis per map of a line close to it, with whole turns, from R towards Z; NaN if it has none."""
     def starts(self, lines: int) -> NDArray[np.float64]:
         """The points where lines begin, (lines, 2): from the axis outwards to the reach."""
-    def trace(self, points: ArrayLike, maps: int) -> NDArray[np.float64]:
+    def trace(self, points: ArrayLike, maps: int, *, near_coils: bool = True) -> NDArray[np.float64]:
         """The points of lines, map after map: (maps + 1, ..., 2); NaN for a line that is lost."""
     def distance_to_coils(self, points: ArrayLike, maps: int = 1) -> NDArray[np.float64]:
         """How near lines from points (..., 2) come to a coil in so many maps, in metres: (...)."""
