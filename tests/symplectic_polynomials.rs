@@ -236,7 +236,7 @@ fn points_among_the_pairs_need_iterations_too() {
     assert!(certificate.holds(), "{}", certificate.summary());
 }
 
-/// The mirror image of a point has the mirror image of its image, bit for bit, although a start is fitted and not exact.
+/// The mirror image of a point has the mirror image of its image, bit for bit, although a start is fitted.
 #[test]
 fn mirror_images_are_moved_alike_bit_for_bit() {
     let symmetries = Symmetries { reversor: None, mirrored: vec![2] };
@@ -253,8 +253,8 @@ fn mirror_images_are_moved_alike_bit_for_bit() {
     }
 }
 
-/// The last iterations may take the matrix of the one before: what they find is what Newton's method finds, to rounding,
-/// and without them the images are others.
+/// The last iterations may take the matrix of the one before: what they find is what Newton's method finds, to
+/// rounding, and without them the images are others.
 #[test]
 fn frozen_iterations_find_what_newtons_method_finds() {
     let pairs = pairs_of(2, 4000, kicked);
@@ -350,8 +350,8 @@ fn older_files_are_read_to_the_same_bits() {
     }
 }
 
-/// Pairs in coordinates that are not canonical have no images by a generating function: what is wrong with them is said,
-/// and not that Newton's method failed.
+/// Pairs in coordinates that are not canonical have no images by a generating function: what is wrong with them is
+/// said, and not that Newton's method failed.
 #[test]
 fn pairs_that_keep_no_area_are_told_from_a_failure() {
     let squeezed = |z: &mut [f64]| {

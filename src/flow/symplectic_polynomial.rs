@@ -910,8 +910,8 @@ fn left([own, last]: [f64; 2], frozen: usize, bend: Option<f64>) -> f64 {
     bend * last * if frozen == 0 { last } else { 2.0 * own }
 }
 
-/// The largest ratio of a change to the square of the one before it, where Newton's method converges and rounding has no
-/// part in it.
+/// The largest ratio of a change to the square of the one before it, where Newton's method converges and rounding has
+/// no part in it.
 fn bend_of(before: Option<f64>, last: f64, known: Option<f64>) -> Option<f64> {
     const FAR_FROM_ROUNDING: f64 = 1e-12;
     match before {
