@@ -59,11 +59,11 @@ struct Solution {
     start: Start,
     iterations: usize,
     /// The last so many of them solve with the matrix of the one before, and need no Hessian of their own.
-    #[serde(default, skip_serializing_if = "is_none")]
+    #[serde(default, skip_serializing_if = "is_zero")]
     frozen: usize,
 }
 
-fn is_none(count: &usize) -> bool {
+fn is_zero(count: &usize) -> bool {
     *count == 0
 }
 
