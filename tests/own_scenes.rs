@@ -202,8 +202,8 @@ fn scenes_on_files_that_cannot_be_are_refused() {
         (pairs, "pairs = \"none.npz\"", &["none.npz"][..]),
         (pairs, &format!("{pairs}\n{window}"), &["data.windows"]),
         (pairs, window, &["data.trajectories"]),
-        ("epsilon = 0.01\n", "", &["data.epsilon"]),
-        ("circle_action = [1, 0]\n", "", &["data.circle_action"]),
+        (pairs, &format!("{pairs}\nsection = \"none.npz\""), &["none.npz"]),
+        (pairs, &format!("{window}\nsection = \"s.npz\""), &["data.trajectories"]),
         (
             "circle_action = [1, 0]",
             "circle_action = [1, 0, 0]",
@@ -405,4 +405,99 @@ weights = { kind = "normal", scale = 0.15 }
     let rolled = &report["studies"]["rollout"]["models"][0];
     let error = rolled["rms_error"].as_f64().expect("a number");
     assert!(error < 1e-3, "{rolled}");
+}
+
+/// A scene that names neither action nor ε nor a held-out share has those of `train`; what is found is in its report,
+/// also when it is run again as it was run, and in jobs.
+#[test]
+fn a_scene_finds_the_circle_action_of_its_pairs() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path();
+    let window = Window { low: vec![-1.0; 4], high: vec![1.0; 4], samples: 400 };
+    let points = sample(&[window], 2, &mut Stream::new(1, "points")).expect("points");
+    let system = Oscillators { epsilon: 0.01 };
+    // The plane that turns is the second.
+    let order = [1, 0, 3, 2];
+    let (pairs, _) = Pairs::of_flow(&system, points, 0.5).expect("a flow");
+    write_pairs(&path.join("pairs.npz"), &pairs.with_columns(&order)).expect("written");
+    let few = pairs.with_columns(&order).thinned(60);
+    write_pairs(&path.join("few.npz"), &few).expect("written");
+    let scene = r#"
+name = "own"
+seed = 3
+flow_time = 0.5
+
+[data]
+pairs = "pairs.npz"
+
+[training]
+iterations = 30
+loss = { kind = "by-plane" }
+optimiser = { kind = "levenberg-marquardt" }
+
+[certificate]
+samples = 5
+radius = 1.0
+
+[[models]]
+name = "one"
+network = { kind = "normal-form", kicks = { count = 4, width = 4 }, twists = { count = 4, width = 4 } }
+weights = { kind = "normal", scale = 0.15 }
+"#;
+    let write = |name: &str, text: &str| std::fs::write(path.join(name), text).expect("written");
+    write("own.toml", scene);
+    let output = run(path, "own.toml", "out");
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{told}");
+    assert!(told.contains("looking for the circle action of"), "{told}");
+    let (text, data) = report(&path.join("out"));
+    assert!(text.contains("circle action 0,1: after") && text.contains("[0, 1], 0.01"), "{text}");
+    assert_eq!(data["studies"]["pairs"]["held_out"], 40);
+
+    // Given, it is the same scene but for the note.
+    let given = "pairs = \"pairs.npz\"\ncircle_action = [0, 1]\nepsilon = 0.01\nvalidation = 0.1";
+    write("given.toml", &scene.replace("pairs = \"pairs.npz\"", given));
+    assert!(run(path, "given.toml", "given").status.success());
+    let (_, of_given) = report(&path.join("given"));
+    let trained = |data: &Value| data["studies"]["training"]["models"].clone();
+    assert!(trained(&data).is_array() && trained(&data) == trained(&of_given));
+    let notes = data["studies"]["pairs"]["notes"].as_array().expect("notes");
+    assert!(notes.len() == 1 && of_given["studies"]["pairs"]["notes"].is_null());
+
+    // As `train` has it.
+    let train = "train --data pairs.npz --kicks 4x4 --twists 4x4 --starts 1 --iterations 30 --plateau 0 \
+                 --flow-time 0.5 --seed 3 --output model.json";
+    let program = env!("CARGO_BIN_EXE_gyroceptron");
+    let output = Command::new(program).current_dir(path).args(train.split_whitespace()).output();
+    assert!(output.expect("it starts").status.success());
+    let of = |name: &str| load_model(&path.join(name)).expect("a model").model;
+    assert_eq!(of("model.json").parameters(), of("out/model.json").parameters());
+
+    let bytes = |out: &str| std::fs::read(path.join(out).join("report.json")).expect("data");
+    assert!(run(path, "out/as-run.toml", "again").status.success());
+    assert_eq!(bytes("again"), bytes("out"));
+    for added in [&["--job", "train-one"][..], &["--merge"]] {
+        let arguments = [&["run", "own.toml", "--out", "jobs"], added].concat();
+        let output = Command::new(program).current_dir(path).args(arguments).output();
+        let output = output.expect("it starts");
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    }
+    assert_eq!(bytes("jobs"), bytes("out"));
+
+    // With few pairs nothing is sure: before anything is trained or a folder made.
+    write("few.toml", &scene.replace("pairs.npz", "few.npz"));
+    let output = run(path, "few.toml", "few");
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(2), "{told}");
+    assert!(told.contains("few.npz") && told.contains("fewer than 100 pairs"), "{told}");
+    assert!(!told.contains("training one") && !path.join("few").exists(), "{told}");
+    // What is found does not fit the network.
+    let other =
+        scene.replace("kind = \"normal-form\"", "kind = \"normal-form\", action = [[1, 0]]");
+    write("other.toml", &other);
+    let output = run(path, "other.toml", "other");
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(2), "{told}");
+    assert!(told.contains("models.one") && told.contains("action"), "{told}");
+    assert!(!path.join("other").exists());
 }

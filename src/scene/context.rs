@@ -350,6 +350,9 @@ impl<'a> Context<'a> {
         })?;
         let data = self.data()?;
         let mut values = file.read_trajectories(path, states)?;
+        if let Some((section, _)) = &data.section {
+            values = values.moved(|points| section.to_canonical(points));
+        }
         if let Some(units) = &data.units {
             values = values.moved(|points| units.to_network(points));
         }

@@ -13,7 +13,7 @@ use crate::network::{Controls, NetworkSpec};
 use crate::phase::{Section, Units};
 use crate::scalar::max_or_nan;
 use crate::system::{Counted, Hamiltonian, NearlyPeriodic, System};
-use crate::train::{AreaDefect, Control, Fit, FitNote, Preparation, Prepared};
+use crate::train::{AreaDefect, Control, Fit, FitNote, Preparation, Prepared, fit_rotations};
 use serde::{Deserialize, Serialize};
 
 /// The pairs of a flow map, for training and held out.
@@ -137,18 +137,23 @@ impl DataSets {
             let found = "epsilon, flow_time or lambda of each pair";
             return Err(Error::content(place, "pairs of one map", found));
         }
-        let action = TorusAction::from(file.circle_action.clone());
+        let action = TargetFlow::File(file).torus();
         let fit = Fit {
             place: place.clone(),
             action: Some(action.clone()),
             epsilon: Some(file.epsilon),
             flow_time: Some(time),
+            section: file.read_section()?,
             seed,
             ..Fit::default()
         };
         let fit_notes = fit.notes_on(&pairs, networks, go_on)?;
         let area_defects = fit_notes.iter().filter_map(FitNote::area_defect).collect();
-        let mut notes: Vec<String> = fit_notes.iter().map(FitNote::to_string).collect();
+        // What a section is, reports say beside the pairs.
+        let says = |note: &&FitNote| note.is_warning() || !matches!(note, FitNote::Section(_));
+        let mut notes: Vec<String> = file.found.into_iter().map(str::to_owned).collect();
+        notes.extend(fit_notes.iter().filter(says).map(FitNote::to_string));
+        let (given, pairs) = (pairs.region(), fit.charted(pairs)?);
         if single_precision {
             notes.push(Note::SinglePrecision.to_string());
         }
@@ -178,6 +183,7 @@ impl DataSets {
         let nearest = Some((action, nearest));
         Ok(Self {
             units,
+            section: fit.section.zip(given),
             nearest,
             notes,
             area_defects,
@@ -325,6 +331,15 @@ impl DataSets {
     /// The root mean square of the components of the outputs that a training is judged by.
     pub(super) fn size(&self) -> f64 {
         root_mean_square(self.validation().unwrap_or(&self.training).output())
+    }
+
+    /// The rotation nearest to the pairs by the circles of the target; of pairs of a file, also to those held out.
+    pub(super) fn nearest_to(&self, target: TargetFlow<'_>) -> (TorusAction, Vec<f64>) {
+        self.nearest.clone().unwrap_or_else(|| {
+            let action = target.torus();
+            let angles = fit_rotations(&self.training, &action);
+            (action, angles)
+        })
     }
 
     /// The pairs to judge by: held out, where there are any.

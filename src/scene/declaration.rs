@@ -137,8 +137,8 @@ impl Scene {
     pub fn with_files_from(mut self, folder: &Path) -> Result<Self, Error> {
         let Setup { data, models, .. } = &mut self.setup;
         let mut paths = Vec::new();
-        if let Some(Data { pairs, trajectories, lines, .. }) = data {
-            paths.extend([pairs, trajectories].into_iter().flatten());
+        if let Some(Data { pairs, trajectories, section, lines, .. }) = data {
+            paths.extend([pairs, trajectories, section].into_iter().flatten());
             if let Some(LineData { coils: Coils::File(file), .. }) = lines {
                 paths.push(&mut file.path);
             }
@@ -188,8 +188,8 @@ impl Scene {
         self
     }
 
-    /// The scene without what says when training stops and how often it is saved, which
-    /// may differ when a run is gone on with.
+    /// The scene without what says when training stops and how often it is saved, which may differ when a run is gone
+    /// on with, and without what was found from its pairs.
     pub(super) fn without_ends(mut self) -> Self {
         let reset = |training: &mut TrainingOptions| {
             let TrainingOptions { iterations, target, patience, plateau, checkpoint_every, .. } =
@@ -198,6 +198,7 @@ impl Scene {
             *plateau = None;
         };
         reset(&mut self.setup.training);
+        self.setup.data.iter_mut().for_each(|data| data.found = None);
         for model in &mut self.setup.models {
             model.training.as_mut().map(reset);
         }
@@ -350,8 +351,7 @@ impl Scene {
     /// where the set-up names them, then those that the scene names.
     pub(super) fn all_studies(&self) -> Vec<&dyn Study> {
         let mut out: Vec<&dyn Study> = Vec::new();
-        let of_file = self.setup.data.as_ref().is_some_and(|data| data.pairs.is_some());
-        if of_file && !self.setup.models.is_empty() {
+        if self.setup.is_of_file() && !self.setup.models.is_empty() {
             out.push(&TrustStudy);
         }
         if self.setup.data.is_some() {

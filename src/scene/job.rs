@@ -69,6 +69,7 @@ pub fn run_job(
     overwrite: bool,
     observer: &mut dyn Observer,
 ) -> Result<JobEnd, Error> {
+    let Some(scene) = &scene.with_found_actions(observer)? else { return Ok(JobEnd::Interrupted) };
     scene.check_networks(path)?;
     let planned = Planned::of(scene, path)?;
     let job = planned.find(request.id)?;
@@ -287,6 +288,8 @@ pub fn merge(
     overwrite: bool,
     observer: &mut dyn Observer,
 ) -> Result<MergeEnd, Error> {
+    let found = scene.with_found_actions(observer)?;
+    let Some(scene) = &found else { return Ok(MergeEnd::Interrupted) };
     scene.check_networks(path)?;
     let planned = Planned::of(scene, path)?;
     check_digest(planned.merge()?, digest)?;

@@ -14,7 +14,6 @@ use crate::network::{Model, Rollout};
 use crate::train::{
     Checkpoint, Control, Earlier, Objective, Outcome, Problem, Progress, RampStage, Scheduled,
     StagePairs, Stop, TrainingObserver, TrainingOptions, TrainingRecord, TrainingStage,
-    fit_rotation,
 };
 use std::rc::Rc;
 use std::time::Instant;
@@ -147,17 +146,25 @@ fn learn_at(
     // Weights of an earlier flow time come with twists of their own, and where no stage leads
     // up there is no chart to train fresh ones in.
     options.fresh_twists = options.fresh_twists.filter(|_| !options.ramp.is_empty());
-    let (action, epsilon) = (target.circle_action(), target.epsilon());
+    let (action, epsilon) = (target.torus(), target.epsilon());
     if spec.network.is_of_file() {
         return of_file(context, data, spec);
     }
-    let architecture = spec.network.architecture(&action.clone().into(), epsilon, time)?;
+    let architecture = spec.network.architecture(&action, epsilon, time)?;
     let architecture =
         architecture.in_box_of(data.training.points()).with_controls(data.controls.clone());
     options.check_for(&architecture)?;
-    let theta = target.angle(time, &data.training);
+    let (nearest_action, nearest) = data.nearest_to(target);
+    let theta = match (&data.nearest, &nearest[..]) {
+        (Some(_), &[theta]) => theta,
+        _ => target.angle(time, &data.training),
+    };
+    let own = || {
+        let same = data.nearest.is_some() && architecture.action() == Some(nearest_action);
+        same.then(|| nearest.clone())
+    };
     // The check of the set-up has found them.
-    let angles = target.angles(&architecture, theta, &data.training);
+    let angles = own().or_else(|| target.angles(&architecture, theta, &data.training));
     let angles = angles.unwrap_or_else(|| vec![theta; architecture.circles.len()]);
     let mut stages = Vec::new();
     for stage in &options.ramp {
@@ -177,8 +184,8 @@ fn learn_at(
         architecture,
         weights: spec.weights,
         training: options.clone(),
-        nearest: vec![fit_rotation(&data.training, &action)],
-        action: action.into(),
+        nearest,
+        action,
         angles,
         pairs: data.training.clone(),
         held_out: data.validation().cloned(),

@@ -11,8 +11,8 @@
 //!   once.
 //! - [`study`]: one file a study, with its options, its check, its run, what it finds and
 //!   what it cites.
-//! - `registry`, `declaration`, `catalogue`, `parse`: the studies, and the scene as its file
-//!   declares it.
+//! - `registry`, `declaration`, `catalogue`, `parse`, `found_action`: the studies, and the scene as its file declares
+//!   it, with what is found from its pairs.
 //! - [`render`]: the report as Markdown, as JSON and on a terminal, figures as SVG; it
 //!   knows no study.
 //! - `run`, `earlier_run`, `report`: running it all into a folder.
@@ -34,6 +34,7 @@ mod event;
 pub mod figure;
 pub mod findings;
 mod folder;
+mod found_action;
 mod job;
 mod job_folders;
 mod learning;

@@ -32,7 +32,7 @@ pub(super) fn read_network(
                 (assemble_architecture(&place, tensors, own)?, units)
             }
             None => {
-                let action = target.circle_action().into();
+                let action = target.torus();
                 (import_weights(path, &action, target.epsilon(), None)?, None)
             }
         };

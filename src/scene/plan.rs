@@ -1,5 +1,6 @@
 //! The jobs of a scene: pieces of its run that can be done anywhere, in any order that respects their needs.
 
+use super::event::Unobserved;
 use super::job_folders::{data_id, training_id};
 use super::learning::leading_up;
 use super::line_data::{Coils, LineData};
@@ -77,9 +78,11 @@ impl Scene {
     /// Those of [`Scene::complete`]; when a file that the scene names cannot be read.
     pub fn plan(&self) -> Result<Vec<Job>, Error> {
         self.complete()?;
+        let found = self.with_found_actions(&mut Unobserved)?;
+        let scene = found.as_ref().unwrap_or(self);
         let mut planning = Planning { jobs: Vec::new() };
-        match &self.parts[..] {
-            [] => planning.add_scene(self, None)?,
+        match &scene.parts[..] {
+            [] => planning.add_scene(scene, None)?,
             parts => {
                 parts.iter().try_for_each(|part| planning.add_scene(part, Some(&part.name)))?
             }
@@ -253,6 +256,7 @@ impl Common<'_> {
         let mut data = self.data.clone();
         data.pairs = data.pairs.map(|_| PathBuf::new());
         data.trajectories = None;
+        data.section = data.section.map(|_| PathBuf::new());
         if let Some(LineData { coils: Coils::File(file), .. }) = &mut data.lines {
             file.path = PathBuf::new();
         }
@@ -278,7 +282,10 @@ fn file_digests(scene: &Scene) -> Result<Vec<String>, Error> {
         Coils::File(file) => Some(&file.path),
         Coils::Torsatron(_) | Coils::Tokamak(_) => None,
     });
-    let of_data = data.into_iter().flat_map(|data| [&data.pairs, &data.trajectories]).flatten();
+    let of_data = data
+        .into_iter()
+        .flat_map(|data| [&data.pairs, &data.trajectories, &data.section])
+        .flatten();
     let networks = scene.setup.models.iter().filter_map(|model| model.network.path.as_ref());
     let paths: Vec<&Path> = of_data.chain(coils).chain(networks).map(PathBuf::as_path).collect();
     let mut digests = paths.into_iter().map(file_digest).collect::<Result<Vec<_>, _>>()?;

@@ -29,7 +29,7 @@ pub fn run(
     scene.check_networks(&folder.file(""))?;
     folder.check_resumed(scene)?;
     folder.check_parts(scene)?;
-    match run_complete(scene, folder, observer) {
+    match run_checked(scene, folder, observer) {
         Ok(report) => Ok(Some(report)),
         Err(RunError::Interrupted) => Ok(None),
         Err(RunError::Failed(error)) => {
@@ -39,6 +39,23 @@ pub fn run(
             Err(error)
         }
     }
+}
+
+fn run_checked(
+    scene: &Scene,
+    folder: &Folder,
+    observer: &mut dyn Observer,
+) -> Result<Report, RunError> {
+    if !scene.is_of_unknown_action() {
+        return run_complete(scene, folder, observer);
+    }
+    // A run that is interrupted while it looks for circle actions can be gone on with.
+    if !folder.resumes() {
+        folder.save_scene(scene)?;
+    }
+    let scene = scene.with_found_actions(observer)?.ok_or(RunError::Interrupted)?;
+    scene.check_networks(&folder.file(""))?;
+    run_complete(&scene, folder, observer)
 }
 
 fn run_complete(

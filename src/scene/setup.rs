@@ -5,9 +5,9 @@ use crate::flow::{Integrator, Pairs, ReferenceTrajectories, Window, whole_period
 use crate::layer::CircleAction;
 use crate::network::{InitialWeights, NetworkSpec};
 use crate::scene::line_data::LineData;
-use crate::scene::target_flow::{FileData, TargetFlow};
+use crate::scene::target_flow::{FileData, FoundAction, TargetFlow};
 use crate::system::{Counted, Hamiltonian, System};
-use crate::train::TrainingOptions;
+use crate::train::{Fit, TrainingOptions};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -34,7 +34,8 @@ pub struct Data {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub windows: Vec<Window>,
     /// The number of held-out points, or orbits, as a share of each window's training points; for a file, as a share of
-    /// its pairs.
+    /// its pairs. A tenth unless given.
+    #[serde(default = "held_out")]
     pub validation: f64,
     /// The number of pairs along the orbit of each point: the scene's flow map is applied this many times, and each
     /// pair begins where the one before ends. Unless given it is 1: pairs of independent points.
@@ -51,10 +52,14 @@ pub struct Data {
     /// points, as far apart in time as the states that the roll-out keeps.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub trajectories: Option<PathBuf>,
-    /// Φ of the pairs of a file.
+    /// An `.npz` file of the section whose coordinates pairs and trajectories are in, as `gyroceptron train --section`
+    /// takes it, where these are not canonical.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub section: Option<PathBuf>,
+    /// Φ of the pairs of a file. Unless given, it is found from them as `gyroceptron train` finds it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub circle_action: Option<CircleAction>,
-    /// ε of the pairs of a file.
+    /// ε of the pairs of a file: 0.01 unless given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub epsilon: Option<f64>,
     /// The integrator that moves the points, and makes the trajectories that others are compared with. Unless given, it
@@ -73,6 +78,9 @@ pub struct Data {
     /// others.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub relative: bool,
+    /// Φ of the pairs of a file, where it was found from them.
+    #[serde(skip)]
+    pub(super) found: Option<FoundAction>,
 }
 
 /// An integrator in place of the reference flow. Its error is estimated with twice as many steps or, for an averaged
@@ -281,14 +289,19 @@ impl Setup {
     pub fn has(&self, need: Need) -> bool {
         match need {
             Need::System => self.system.is_some(),
-            Need::TargetFlow => self.target().is_some(),
+            Need::TargetFlow => self.target().is_some() || self.is_of_file(),
             Need::FlowTime => self.flow_time.is_some(),
             Need::Data => self.data.is_some(),
             Need::Models => self.models.iter().any(|model| !model.training_only),
         }
     }
 
-    /// What the networks stand for.
+    /// Whether its pairs are of a file.
+    pub(super) fn is_of_file(&self) -> bool {
+        self.data.as_ref().is_some_and(|data| data.pairs.is_some())
+    }
+
+    /// What the networks stand for. Pairs of a file are not known to stand for a map before their circle action is.
     pub(super) fn target(&self) -> Option<TargetFlow<'_>> {
         let data = self.data.as_ref();
         let file = || data.and_then(Data::file).map(TargetFlow::File);
@@ -398,7 +411,7 @@ impl Setup {
             if model.network.is_of_file() {
                 continue;
             }
-            let architecture = model.network.architecture(&action.clone().into(), epsilon, time);
+            let architecture = model.network.architecture(&target.torus(), epsilon, time);
             let architecture = architecture.map_err(|e| e.with_place(&key))?;
             architecture.check().map_err(|e| e.with_place(&key))?;
             self.training_of(model).check_for(&architecture).map_err(|e| e.with_place(&key))?;
@@ -428,6 +441,10 @@ impl Setup {
 
 fn glorot() -> InitialWeights {
     InitialWeights::Glorot
+}
+
+fn held_out() -> f64 {
+    Fit::HELD_OUT
 }
 
 fn one() -> usize {
@@ -464,13 +481,17 @@ impl Data {
         self.pairs.is_some() || self.lines.is_some()
     }
 
-    /// The files, where pairs are of one.
+    /// The files, where pairs are of one and their circle action is known.
     pub(super) fn file(&self) -> Option<FileData<'_>> {
+        let found = self.found.as_ref();
         Some(FileData {
             pairs: self.pairs.as_deref()?,
             trajectories: self.trajectories.as_deref(),
-            circle_action: self.circle_action.as_ref()?,
-            epsilon: self.epsilon?,
+            section: self.section.as_deref(),
+            circle_action: self.circle_action.as_ref().or(found.map(|found| &found.circle))?,
+            torus: found.map(|found| &found.torus),
+            found: found.and_then(|found| found.words.as_deref()),
+            epsilon: self.epsilon.unwrap_or(Fit::EPSILON),
         })
     }
 
@@ -478,6 +499,7 @@ impl Data {
     fn check_source(&self) -> Result<(), Error> {
         let of_file = [
             ("trajectories", self.trajectories.is_some()),
+            ("section", self.section.is_some()),
             ("circle_action", self.circle_action.is_some()),
             ("epsilon", self.epsilon.is_some()),
         ];
@@ -502,15 +524,6 @@ impl Data {
         }
         refused(&of_windows, "pairs of a file, or of windows")?;
         refused(&[("orbit", self.orbit != 1)], "pairs of a file, or of windows")?;
-        for (key, given) in &of_file[1..] {
-            if !given {
-                return Err(Error::invalid(
-                    "data",
-                    format!("no data.{key}"),
-                    "it beside data.pairs",
-                ));
-            }
-        }
         self.epsilon.iter().try_for_each(|epsilon| Error::check_finite("data.epsilon", *epsilon))
     }
 

@@ -3,11 +3,12 @@
 use super::line_data::LineData;
 use crate::error::Error;
 use crate::flow::{Pairs, Trajectories};
-use crate::io::{read_pairs, read_trajectories};
+use crate::io::{read_pairs, read_section, read_trajectories};
 use crate::layer::{CircleAction, TorusAction};
 use crate::network::{Architecture, Structure};
+use crate::phase::Section;
 use crate::system::{Hamiltonian, NearlyPeriodic, System};
-use crate::train::fit_rotation;
+use crate::train::{fit_rotation, fit_rotations};
 use std::path::Path;
 
 /// A flow map that is learnt.
@@ -28,10 +29,35 @@ pub(super) struct FileData<'a> {
     pub(super) pairs: &'a Path,
     /// The `.npy` file of trajectories that others are compared with.
     pub(super) trajectories: Option<&'a Path>,
+    /// The file of the section whose coordinates the pairs are in, where these are not canonical.
+    pub(super) section: Option<&'a Path>,
     /// The circle action Φ of the limit ε = 0.
     pub(super) circle_action: &'a CircleAction,
+    /// The circles that it consists of, where the pairs have shown several.
+    pub(super) torus: Option<&'a TorusAction>,
+    /// How they were found, in words.
+    pub(super) found: Option<&'a str>,
     /// The ε of the pairs.
     pub(super) epsilon: f64,
+}
+
+/// A circle action that was found from pairs.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct FoundAction {
+    /// The circles of networks that name none of their own.
+    pub(super) torus: TorusAction,
+    /// All of these circles together.
+    pub(super) circle: CircleAction,
+    /// How it was found, in words.
+    pub(super) words: Option<String>,
+}
+
+impl FoundAction {
+    pub(super) fn new(torus: TorusAction, words: Option<String>) -> Self {
+        let sum = |plane: usize| torus.circles().iter().map(|circle| circle.weights()[plane]).sum();
+        let circle = CircleAction::new((0..torus.dof()).map(sum).collect::<Vec<i32>>());
+        Self { torus, circle, words }
+    }
 }
 
 impl FileData<'_> {
@@ -40,10 +66,27 @@ impl FileData<'_> {
         read_pairs(self.pairs).is_ok_and(|file| file.pairs.dof() == self.circle_action.dof())
     }
 
+    /// The section of the pairs, where they have one.
+    ///
+    /// # Errors
+    /// Those of [`read_section`]; when it is of other planes, or of controls.
+    pub(super) fn read_section(&self) -> Result<Option<Section>, Error> {
+        let Some(path) = self.section else { return Ok(None) };
+        let place = |error: Error| error.with_place(path.display());
+        let section = read_section(path)?;
+        section.check(self.circle_action.dof()).map_err(place)?;
+        if section.depends_on_controls() {
+            let expected = "one density: the pairs of a scene have no controls";
+            return Err(place(Error::invalid("lambda", "a density of controls", expected)));
+        }
+        Ok(Some(section))
+    }
+
     /// The first states of the trajectories of a file, in its units.
     ///
     /// # Errors
-    /// Those of [`read_trajectories`]; when it has fewer states.
+    /// Those of [`read_trajectories`] and [`FileData::read_section`]; when it has fewer states, or one is beyond the
+    /// section.
     pub(super) fn read_trajectories(
         &self,
         path: &Path,
@@ -52,6 +95,9 @@ impl FileData<'_> {
         let values = read_trajectories(path, self.circle_action.dof())?;
         let place = format!("{}: states of each trajectory", path.display());
         Error::check_count_range(&place, values.states(), states, usize::MAX)?;
+        if let Some(section) = self.read_section()? {
+            section.check_points(&path.display().to_string(), values.values())?;
+        }
         Ok(values.first(states))
     }
 }
@@ -63,6 +109,14 @@ impl<'a> TargetFlow<'a> {
             Self::File(file) => file.circle_action.clone(),
             // Lines go round the axis.
             Self::Lines(_) => CircleAction::new([1]),
+        }
+    }
+
+    /// The circles of networks that name none of their own.
+    pub(super) fn torus(self) -> TorusAction {
+        match self {
+            Self::File(FileData { torus: Some(torus), .. }) => torus.clone(),
+            _ => self.circle_action().into(),
         }
     }
 
@@ -121,10 +175,7 @@ impl<'a> TargetFlow<'a> {
                 angles.iter_mut().for_each(|angle| *angle *= theta);
                 Some(angles)
             }
-            Self::File(_) | Self::Lines(_) => {
-                let circles = action.circles().iter();
-                Some(circles.map(|circle| fit_rotation(pairs, circle)).collect())
-            }
+            Self::File(_) | Self::Lines(_) => Some(fit_rotations(pairs, &action)),
         }
     }
 }

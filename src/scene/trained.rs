@@ -6,7 +6,7 @@ use super::target_flow::TargetFlow;
 use crate::error::Error;
 use crate::flow::Pairs;
 use crate::network::Model;
-use crate::train::{Loss, Objective, Outcome, StageResult, Stop, TrainingRecord, fit_rotation};
+use crate::train::{Loss, Objective, Outcome, StageResult, Stop, TrainingRecord};
 
 /// A network before and after training.
 pub(super) struct Trained {
@@ -76,7 +76,6 @@ impl Trained {
 
 /// The loss of a scene on its training pairs.
 pub(super) fn loss_of(loss: &Loss, target: TargetFlow<'_>, data: &DataSets) -> Result<Loss, Error> {
-    let action = target.circle_action();
-    let angle = fit_rotation(&data.training, &action);
-    loss.for_pairs(&action.into(), &[angle], &data.training)
+    let (action, angles) = data.nearest_to(target);
+    loss.for_pairs(&action, &angles, &data.training)
 }

@@ -1,7 +1,7 @@
 //! What the jobs of a scene take on this machine: each kind of training is begun, on a part of its pairs.
 
 use super::context::Context;
-use super::event::{Event, Observer};
+use super::event::{Event, Observer, Unobserved};
 use super::folder::Folder;
 use super::learning::leading_up;
 use super::plan::{Job, Task};
@@ -24,8 +24,10 @@ impl Scene {
     /// estimate fails, and for all that was left when the observer interrupted; it hears of no events.
     pub fn estimate(&self, jobs: &[Job], observer: &dyn Observer) -> Vec<Option<f64>> {
         let mut out = vec![None; jobs.len()];
-        let parts: Vec<(Option<&str>, &Self)> = match &self.parts[..] {
-            [] => vec![(None, self)],
+        let found = self.with_found_actions(&mut Unobserved).ok().flatten();
+        let scene = found.as_ref().unwrap_or(self);
+        let parts: Vec<(Option<&str>, &Self)> = match &scene.parts[..] {
+            [] => vec![(None, scene)],
             parts => parts.iter().map(|part| (Some(&part.name[..]), part)).collect(),
         };
         for (name, part) in parts.into_iter().take_while(|_| !observer.interrupted()) {
@@ -158,7 +160,7 @@ fn more_pairs_an_iteration(
     share: f64,
 ) -> Option<f64> {
     let (target, time) = (scene.setup.target()?, scene.setup.flow_time?);
-    let action = target.circle_action().into();
+    let action = target.torus();
     let architecture = spec.network.architecture(&action, target.epsilon(), time).ok()?;
     let optimiser = &scene.setup.training_of(spec).optimiser;
     let looks_at = |all: usize| optimiser.pairs_of_iteration(&architecture, all) as f64;

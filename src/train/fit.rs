@@ -288,9 +288,6 @@ fn is_learnt(pairs: &Pairs, values: &[f64]) -> bool {
     pairs.conditions().iter().any(|condition| condition.controls == values)
 }
 
-/// ε unless it is given.
-const EPSILON: f64 = 0.01;
-
 impl Fit {
     /// The distribution of the initial weights of a network.
     pub const WEIGHTS: InitialWeights = InitialWeights::Normal { scale: 0.15 };
@@ -298,6 +295,8 @@ impl Fit {
     pub const HELD_OUT: f64 = 0.1;
     /// How many sets of initial weights are tried.
     pub const STARTS: u64 = 3;
+    /// ε unless it is given, by the fit or by the pairs.
+    pub const EPSILON: f64 = 0.01;
     /// If the nearest rotation leaves more than this share of the data, the planes are not those
     /// that turn, and a normal form needs a ψ.
     pub const TURNS: f64 = 0.5;
@@ -343,7 +342,7 @@ impl Fit {
 
     /// Fails unless a network of these circles can be trained so, at any ε and flow time.
     fn check_network(&self, network: &NetworkSpec, action: &TorusAction) -> Result<(), Error> {
-        let any = network.architecture(action, self.epsilon.unwrap_or(EPSILON), 1.0)?;
+        let any = network.architecture(action, self.epsilon.unwrap_or(Self::EPSILON), 1.0)?;
         let none = "none: only a gyroceptron, which is built on a circle action, has it";
         for (name, value) in [("epsilon", self.epsilon), ("theta", self.theta)] {
             if let (Some(value), false) = (value, any.has_circle()) {
@@ -362,7 +361,28 @@ impl Fit {
         if turns { Ok(network) } else { network.with_size("psi", psi) }
     }
 
-    /// The circles of the pairs.
+    /// The circle action of the pairs, as a training finds it, and the short trainings that chose it, if there were any.
+    /// Asks `go_on` like [`Fit::prepare_observed`].
+    ///
+    /// # Errors
+    /// Those of [`Fit::prepare_observed`] that concern the circle action and the section.
+    pub fn find_action(
+        &self,
+        data: impl Into<FamilyPairs>,
+        go_on: &mut dyn FnMut() -> Result<Control, Error>,
+    ) -> Result<(TorusAction, Option<ActionTrial>), Error> {
+        let (mut data, mut notes) = (data.into(), Vec::new());
+        data.pairs = self.charted(data.pairs)?;
+        data.pairs.check_squares(&self.place)?;
+        let action = self.circles(&data, &mut notes, go_on)?;
+        let trial = notes.into_iter().find_map(|note| match note {
+            FitNote::Action(trial) => Some(trial),
+            _ => None,
+        });
+        Ok((action, trial))
+    }
+
+    /// The circles of pairs in canonical coordinates.
     fn circles(
         &self,
         data: &FamilyPairs,
@@ -517,29 +537,30 @@ impl Fit {
         let mut notes = Vec::new();
         let digest = data.pairs.digest();
         let given = data.pairs.region();
-        if let Some(section) = &self.section {
-            data.pairs = self.in_charts(&data.pairs, section)?;
-            notes.push(FitNote::Section(section.clone()));
-        }
+        data.pairs = self.charted(data.pairs)?;
+        notes.extend(self.section.clone().map(FitNote::Section));
         let (action, fits) = self.examine(&data, &mut notes, go_on)?;
         let problem = self.with_circles(data, action, fits.as_ref(), notes)?;
         let region = if self.section.is_some() { given } else { problem.region };
         Ok(Problem { region, digest, ..problem })
     }
 
-    /// What is to be said of pairs in canonical coordinates for each of these networks, all of which could be trained
-    /// on them: of the area form, of the order of columns and the circle action, of reversors. Asks `go_on` like
+    /// What is to be said of pairs for each of these networks, all of which could be trained on them: of the section
+    /// and the area form, of the order of columns and the circle action, of reversors. Asks `go_on` like
     /// [`Fit::prepare_observed`].
     ///
     /// # Errors
-    /// Those of [`Fit::prepare_observed`] that concern the circle action; those of [`NetworkSpec::architecture`].
+    /// Those of [`Fit::prepare_observed`] that concern the circle action and the section; those of
+    /// [`NetworkSpec::architecture`].
     pub fn notes_on(
         &self,
         pairs: &Pairs,
         networks: &[&NetworkSpec],
         go_on: &mut dyn FnMut() -> Result<Control, Error>,
     ) -> Result<Vec<FitNote>, Error> {
-        let (data, mut notes) = (FamilyPairs::from(pairs.clone()), Vec::new());
+        let (data, mut notes) = (FamilyPairs::from(self.charted(pairs.clone())?), Vec::new());
+        notes.extend(self.section.clone().map(FitNote::Section));
+        let pairs = &data.pairs;
         let (action, fits) = self.examine(&data, &mut notes, go_on)?;
         let epsilon = Family::new(self, &data).epsilon;
         let mut reversals: Vec<ReversalDefect> = Vec::new();
@@ -680,8 +701,13 @@ impl Fit {
         })
     }
 
-    /// The pairs in the canonical coordinates of a section.
-    fn in_charts(&self, pairs: &Pairs, section: &Section) -> Result<Pairs, Error> {
+    /// The pairs in the canonical coordinates of the section; as they are, where there is none.
+    ///
+    /// # Errors
+    /// When the section is of other planes than the pairs, a point is not within its chart, or it has no density at the
+    /// controls of some pairs.
+    pub fn charted(&self, pairs: Pairs) -> Result<Pairs, Error> {
+        let Some(section) = &self.section else { return Ok(pairs) };
         section.check(pairs.dof()).map_err(|e| e.with_place(&self.place))?;
         for (name, points) in ["input", "output"].into_iter().zip(pairs.points()) {
             section.check_points(&format!("{}: {name}", self.place), points)?;
@@ -714,8 +740,7 @@ impl Fit {
         let units = super::fit_units(pairs, action);
         let scaled = units.and_then(|units| pairs.to_network(&self.place, &units).ok());
         let pairs = scaled.as_ref().unwrap_or(pairs);
-        let circles = action.circles().iter();
-        let angles: Vec<f64> = circles.map(|circle| super::fit_rotation(pairs, circle)).collect();
+        let angles = super::fit_rotations(pairs, action);
         let left = rotation_error(action, &angles, pairs).sqrt() / root_mean_square(pairs.output());
         let turns = left < Self::TURNS;
         let psi = if turns { "without ψ" } else { "with a ψ" };
@@ -776,7 +801,7 @@ impl Family {
         let epsilon = largest(|condition| condition.epsilon).filter(|_| has_epsilons);
         let time = largest(|condition| condition.time).filter(|_| has_times);
         Self {
-            epsilon: fit.epsilon.or(epsilon).unwrap_or(EPSILON),
+            epsilon: fit.epsilon.or(epsilon).unwrap_or(Fit::EPSILON),
             time: fit.flow_time.or(time),
             has_epsilons,
             has_times,

@@ -60,7 +60,7 @@ pub use reading::Reading;
 pub use record::{Stop, TrainingRecord};
 pub use reversal::{MirrorDefect, ReversalDefect};
 pub use ring_fit::Rings;
-pub use rotation_fit::{fit_rotation, slow_time};
+pub use rotation_fit::{fit_rotation, fit_rotations, slow_time};
 pub use run::{Control, Outcome, Progress, train};
 pub use schedule::{
     Scheduled, StageData, StageResult, TrainingObserver, TrainingStage, train_schedule,

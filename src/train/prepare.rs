@@ -1,6 +1,6 @@
 //! Prepares pairs for a network: units, initial angles, and which pairs are held out.
 
-use super::{fit_rotation, fit_units, slow_time};
+use super::{fit_rotations, fit_units, slow_time};
 use crate::error::Error;
 use crate::flow::{Pairs, Region};
 use crate::layer::{Reversor, TorusAction};
@@ -98,8 +98,7 @@ impl Preparation<'_> {
             None => pairs,
             Some(units) => pairs.to_network(place, units)?,
         };
-        let nearest: Vec<f64> =
-            action.circles().iter().map(|circle| fit_rotation(&pairs, circle)).collect();
+        let nearest = fit_rotations(&pairs, action);
         let angles = nearest.iter().map(|nearest| self.theta.unwrap_or(*nearest)).collect();
         let slow = || match self.of_order_one {
             true => 1.0,

@@ -1,6 +1,6 @@
 //! How to interpret pairs: which columns form a plane, and which planes turn.
 
-use super::{ActionFit, fit_rotation, fit_units};
+use super::{ActionFit, fit_rotations, fit_units};
 use crate::flow::Pairs;
 use crate::layer::{CircleAction, TorusAction};
 use crate::measure::trajectories::{root_mean_square, rotation_error};
@@ -69,8 +69,7 @@ impl Reading {
             let units = fit_units(pairs, action);
             let scaled = units.and_then(|units| pairs.to_network("pairs", &units).ok());
             let pairs = scaled.as_ref().unwrap_or(pairs);
-            let angles: Vec<f64> =
-                action.circles().iter().map(|circle| fit_rotation(pairs, circle)).collect();
+            let angles = fit_rotations(pairs, action);
             rotation_error(action, &angles, pairs) / root_mean_square(pairs.output()).powi(2)
         };
         let as_given = error(&given, action);

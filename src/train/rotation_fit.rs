@@ -33,6 +33,14 @@ pub fn fit_rotation(pairs: &Pairs, action: &CircleAction) -> f64 {
     frequency.unwrap_or(0.0)
 }
 
+/// The angle of [`fit_rotation`] for each circle of an action.
+///
+/// # Panics
+/// When the action and the pairs differ in their degrees of freedom.
+pub fn fit_rotations(pairs: &Pairs, action: &TorusAction) -> Vec<f64> {
+    action.circles().iter().map(|circle| fit_rotation(pairs, circle)).collect()
+}
+
 /// The greatest common divisor of the weights; 1 where all are 0.
 pub(super) fn divisor(weights: &[i32]) -> f64 {
     f64::from(CircleAction::new(weights).common_factor().max(1))

@@ -429,3 +429,86 @@ fn a_density_may_depend_on_controls() {
     assert!(write_section(&folder.join("no.npz"), &axis, &axis, &grid(0.0), 1.0, &none).is_err());
     assert!(!folder.join("no.json").exists());
 }
+
+/// A scene on pairs of a section trains what `train --section` trains, and compares orbits in canonical coordinates.
+#[test]
+fn a_scene_is_on_pairs_of_a_section() {
+    let folder = folder();
+    let folder = folder.path();
+    let pairs = write_files(folder);
+    let lines = 8;
+    let states = [&pairs.input()[..2 * lines], pairs.output()].concat();
+    write_points(&folder.join("t.npy"), &[51, 8, 2], &states).expect("written");
+    let scene = r#"
+name = "own"
+seed = 0
+flow_time = 1.0
+plots = ["portrait", "prediction"]
+
+[data]
+pairs = "pairs.npz"
+section = "section.npz"
+trajectories = "t.npy"
+
+[training]
+iterations = 25
+loss = { kind = "by-plane" }
+optimiser = { kind = "levenberg-marquardt" }
+
+[rollout]
+steps = 50
+every = 1
+
+[[models]]
+name = "form"
+network = { kind = "normal-form", kicks = { count = 3, width = 1, degree = 4 }, twists = { count = 1, width = 1, degree = 3 } }
+weights = { kind = "normal", scale = 0.15 }
+"#;
+    std::fs::write(folder.join("own.toml"), scene).expect("written");
+    succeeds(folder, &["run", "own.toml", "--out", "out"]);
+    let report = std::fs::read_to_string(folder.join("out/report.md")).expect("a report");
+    let label = "in the canonical coordinates of the section";
+    assert!(report.contains(&format!("Errors by component, {label}")), "{report}");
+    assert!(!report.contains("units of the data\n") && !report.contains("do not keep"), "{report}");
+    let data = std::fs::read(folder.join("out/report.json")).expect("data");
+    let data: serde_json::Value = serde_json::from_slice(&data).expect("JSON");
+
+    let train = [&["--section", "section.npz", "--flow-time", "1", "--seed", "0"][..]].concat();
+    let train = [&train[..], &["--plateau", "0", "--output", "model.json"]].concat();
+    succeeds(folder, &self::train(&train));
+    let [of_train, of_scene] = ["model.json", "out/model.json"]
+        .map(|name| load_model(&folder.join(name)).expect("a model"));
+    assert_eq!(of_train.model.parameters(), of_scene.model.parameters());
+    assert_eq!(of_train.section, of_scene.section);
+    assert_eq!(of_train.units, of_scene.units);
+    assert_eq!(of_train.provenance.region, of_scene.provenance.region);
+
+    // The orbits of the model, in the columns of the data, taken to the chart.
+    let section = of_scene.section.as_ref().expect("a section");
+    let request = gyroceptron::network::Rollout { steps: 50, every: 1 };
+    let mut own = of_scene.rollout(&states[..2 * lines], request).expect("within the chart");
+    let mut truth = states.clone();
+    section.to_canonical(&mut own);
+    section.to_canonical(&mut truth);
+    for k in 0..2 {
+        let errors = own.iter().zip(&truth).skip(2 * lines + k).step_by(2);
+        let squares: f64 = errors.map(|(a, b)| (a - b) * (a - b)).sum();
+        let rms = (squares / (50 * lines) as f64).sqrt();
+        let told = data["studies"]["rollout"]["component_errors"][0]["rms"][k].as_f64();
+        let told = told.expect("a number");
+        assert!((told / rms - 1.0).abs() < 1e-9 && rms < 0.1, "{told:e} {rms:e}");
+    }
+
+    // Without the section the pairs keep no area, which counts against long orbits.
+    std::fs::write(folder.join("plain.toml"), scene.replace("section = \"section.npz\"\n", ""))
+        .expect("written");
+    succeeds(folder, &["run", "plain.toml", "--out", "plain"]);
+    let plain = std::fs::read_to_string(folder.join("plain/report.md")).expect("a report");
+    assert!(plain.contains("do not keep dq∧dp"), "{plain}");
+    // A section that orbits leave, one of two planes, and studies of canonical coordinates.
+    let mut far = states;
+    far[0] = 9.0;
+    write_points(&folder.join("far.npy"), &[51, 8, 2], &far).expect("written");
+    std::fs::write(folder.join("far.toml"), scene.replace("t.npy", "far.npy")).expect("written");
+    refuses(folder, &["run", "far.toml", "--out", "far"], &["far.npy"]);
+}

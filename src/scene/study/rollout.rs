@@ -17,6 +17,7 @@ use crate::scene::context::{Context, RunError};
 use crate::scene::declared::Declared;
 use crate::scene::figure::{Axis, Figure, Panel, SameAxes, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
+use crate::scene::predictions::coordinates_in_words;
 use crate::scene::setup::{Need, Setup, check_points};
 use crate::scene::target_flow::TargetFlow;
 use crate::scene::trained::Trained;
@@ -155,6 +156,8 @@ impl Study for RolloutOptions {
             TargetFlow::System(_) => None,
             TargetFlow::File(_) | TargetFlow::Lines(_) => Some(context.data()?),
         };
+        let coordinates =
+            coordinates_in_words(data.as_ref().is_some_and(|data| data.section.is_some()));
         let of_reference =
             system.map(|system| Change::of(reference, |z| system.adiabatic_invariant(z)));
         let networks: Vec<Network<'_>> = models
@@ -193,10 +196,10 @@ impl Study for RolloutOptions {
             },
             match target {
                 TargetFlow::File(_) | TargetFlow::Lines(_) => {
-                    "The initial points are those of the file; portraits and the errors of each \
-                     component are in units of the data, and where units were fitted to the pairs, \
-                     distances and invariants in these"
-                        .to_owned()
+                    format!(
+                        "The initial points are those of the file; portraits and the errors of each component are \
+                         {coordinates}, and where units were fitted to the pairs, distances and invariants in these"
+                    )
                 }
                 TargetFlow::System(_) => {
                     let points: Vec<_> = initial.iter().map(|z| format!("{z:?}")).collect();
@@ -220,7 +223,7 @@ impl Study for RolloutOptions {
             TargetFlow::File(_) | TargetFlow::Lines(_) => orbits.component_errors(&networks),
         };
         if !of_components.is_empty() {
-            details.push(Block::Heading("Errors by component, in units of the data".into()));
+            details.push(Block::Heading(format!("Errors by component, {coordinates}")));
             details.push(Block::Table(orbits.component_table(&of_components)));
         }
         let mut figures = Vec::new();

@@ -1,0 +1,96 @@
+//! The circle action of pairs of a file, found from them where a scene names none.
+
+use super::event::{Event, Observer};
+use super::registry::Scene;
+use super::setup::Setup;
+use super::target_flow::FoundAction;
+use crate::error::Error;
+use crate::io::{read_pairs, read_section};
+use crate::network::{Circles, NetworkSpec};
+use crate::train::{Control, Fit};
+use std::path::Path;
+
+impl Scene {
+    /// The scene with the circle actions of pairs of files, of its own and of its parts, found from the pairs where it
+    /// names none; None where the observer interrupts.
+    ///
+    /// # Errors
+    /// Those of [`Fit::find_action`], [`Scene::complete`] and of reading files.
+    pub(super) fn with_found_actions(
+        &self,
+        observer: &mut dyn Observer,
+    ) -> Result<Option<Self>, Error> {
+        let mut scene = self.clone();
+        if !scene.is_of_unknown_action() {
+            return Ok(Some(scene));
+        }
+        match scene.find_actions(observer) {
+            Ok(()) => {}
+            Err(Error::Stopped { .. }) => return Ok(None),
+            Err(error) => return Err(error),
+        }
+        // What is found may not fit networks and studies.
+        scene.complete()?;
+        Ok(Some(scene))
+    }
+
+    /// Whether the circle action of some pairs, of its own or of a part, is neither given nor found so far.
+    pub(super) fn is_of_unknown_action(&self) -> bool {
+        let own = self.setup.of_unknown_action().is_some();
+        own || self.parts.iter().any(Self::is_of_unknown_action)
+    }
+
+    fn find_actions(&mut self, observer: &mut dyn Observer) -> Result<(), Error> {
+        if let Some(place) = self.setup.of_unknown_action().map(Path::to_owned) {
+            let place = place.display().to_string();
+            observer.event(Event::Stage(&format!("looking for the circle action of {place}")));
+            let mut go_on = || {
+                Ok(match observer.interrupted() {
+                    true => Control::Interrupt,
+                    false => Control::Continue,
+                })
+            };
+            let found = self.setup.find_action(self.seed, &mut go_on)?;
+            self.setup.data.iter_mut().for_each(|data| data.found = found.clone());
+        }
+        self.parts.iter_mut().try_for_each(|part| part.find_actions(observer))
+    }
+}
+
+impl Setup {
+    /// The file of pairs whose circle action is neither given nor found so far.
+    fn of_unknown_action(&self) -> Option<&Path> {
+        let data = self.data.as_ref()?;
+        let is_known = data.circle_action.is_some() || data.found.is_some();
+        data.pairs.as_deref().filter(|_| !is_known)
+    }
+
+    fn find_action(
+        &self,
+        seed: u64,
+        go_on: &mut dyn FnMut() -> Result<Control, Error>,
+    ) -> Result<Option<FoundAction>, Error> {
+        let Some(data) = &self.data else { return Ok(None) };
+        let Some(path) = &data.pairs else { return Ok(None) };
+        let section = data.section.as_deref().map(read_section).transpose()?;
+        let pairs = read_pairs(path)?.pairs;
+        // Without networks, that of a normal form.
+        let mut networks = self.models.iter().map(|model| &model.network);
+        let of = |circles: Circles| move |network: &&NetworkSpec| network.circles() == circles;
+        let fewest = { networks.clone() }
+            .find(of(Circles::One))
+            .or_else(|| networks.clone().find(of(Circles::Several)))
+            .or_else(|| networks.next());
+        let fit = Fit {
+            place: path.display().to_string(),
+            network: fewest.cloned(),
+            epsilon: data.epsilon,
+            flow_time: self.flow_time,
+            section,
+            seed,
+            ..Fit::default()
+        };
+        let (torus, trial) = fit.find_action(pairs, go_on)?;
+        Ok(Some(FoundAction::new(torus, trial.map(|trial| trial.describe()))))
+    }
+}
