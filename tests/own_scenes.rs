@@ -35,6 +35,7 @@ weights = { kind = "normal", scale = 0.15 }
 name = "normal-form"
 network = { kind = "normal-form", kicks = { count = 4, width = 4 }, twists = { count = 4, width = 4 } }
 weights = { kind = "normal", scale = 0.15 }
+training = { iterations = 150, loss = { kind = "by-plane" }, optimiser = { kind = "levenberg-marquardt" } }
 
 [training]
 iterations = 150
@@ -101,6 +102,8 @@ fn a_scene_on_files_runs_to_a_report() {
     assert!(first.starts_with("Whether to trust it"), "{text}");
     assert!(text.contains("rotation") && text.contains("not known"));
     assert!(!text.contains("NaN"), "{text}");
+    // Where one loss has weights and the other has none, neither heads the column.
+    assert!(text.contains("weights of the loss") && !text.contains("loss, weighted"), "{text}");
     for plot in ["loss", "portrait", "adiabatic-invariant", "rollout-error", "error-against-time"] {
         let svg = std::fs::read_to_string(out.join(format!("{plot}.svg"))).expect("a plot");
         assert!(svg.starts_with("<svg") && svg.len() > 3000, "{plot}");
@@ -197,7 +200,7 @@ fn scenes_on_files_that_cannot_be_are_refused() {
     let system = "[system]\nkind = \"oscillators\"\nepsilon = 0.01\n\n[data]";
     let integrators =
         "rounds = 1\nintegrators = [{ integrator = { kind = \"strang\" }, one_step = [1] }]";
-    let ramp = "iterations = 150\nramp = [{ flow_time = 0.1, iterations = 5 }]";
+    let ramp = "[training]\niterations = 150\nramp = [{ flow_time = 0.1, iterations = 5 }]";
     for (number, (from, to, words)) in [
         (pairs, "pairs = \"none.npz\"", &["none.npz"][..]),
         (pairs, &format!("{pairs}\n{window}"), &["data.windows"]),
@@ -217,7 +220,7 @@ fn scenes_on_files_that_cannot_be_are_refused() {
         (rollout, "every = 10\nplane = 3\n", &["plane", "found 3"]),
         ("[data]", system, &["data.pairs", "system"]),
         ("rounds = 1", integrators, &["integrators"]),
-        ("iterations = 150", ramp, &["ramp"]),
+        ("[training]\niterations = 150", ramp, &["ramp"]),
         ("flow_time = 0.5\n", "", &["flow_time"]),
         ("validation = 0.2", "validation = 1.0", &["data.validation"]),
         (gyroceptron, "network = { kind = \"file\", path = \"w.npz\" }", &["networks to train"]),

@@ -271,6 +271,10 @@ impl TrainingOptions {
         ] {
             Error::check_range(name, value, 0.0, f64::MAX)?;
         }
+        if self.theta_fixed && self.theta_penalty > 0.0 {
+            let expected = "0 where theta is fixed, and so cannot move";
+            return Err(Error::invalid("training.theta_penalty", self.theta_penalty, expected));
+        }
         self.plateau.map_or(Ok(()), Plateau::check)?;
         self.starts.map_or(Ok(()), Starts::check)?;
         self.ramp.iter().try_for_each(|stage| stage.check())?;

@@ -195,6 +195,9 @@ fn a_known_angle_is_left() {
     let net =
         net.iter().map(|&word| if word == "--theta-fixed" { "--theta-penalty=1" } else { word });
     refuses(path, &net.collect::<Vec<_>>(), &["theta_penalty"]);
+    let both = ["train", "--data", "pairs.npz", "--circle-action", "1,0", "--output", "n.json"];
+    let both = [&both[..], &["--theta-fixed", "--theta-penalty=1"]].concat();
+    refuses(path, &both, &["theta_penalty", "theta is fixed"]);
 }
 
 /// A normal form of order one, with a perturbation beside it or none.

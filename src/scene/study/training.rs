@@ -356,14 +356,18 @@ impl TrainingResult {
 
 fn overview(results: &[TrainingResult], baseline: Baseline) -> Table {
     // With weights the loss is no mean squared error: what it is of held-out pairs stands beside it.
-    let is_weighted = results.iter().any(|result| !result.loss_weights.is_empty());
+    let has_weights = |result: &TrainingResult| !result.loss_weights.is_empty();
+    let firsts = || results.iter().filter(|result| result.is_first());
+    let is_weighted = firsts().any(has_weights);
+    let is_mixed = is_weighted && !firsts().all(has_weights);
     let held_out_loss = is_weighted.then_some(("held-out loss", Format::Exponent(3)));
+    let weights = is_mixed.then_some(("weights of the loss", Format::Exact));
     let columns = [
         ("network", Format::Exact),
         ("parameters", Format::Exact),
         ("optimiser", Format::Exact),
         ("iterations", Format::Exact),
-        (if is_weighted { "loss, weighted" } else { "loss" }, Format::Exponent(3)),
+        (if is_weighted && !is_mixed { "loss, weighted" } else { "loss" }, Format::Exponent(3)),
     ];
     let errors = [
         ("held-out MSE", Format::Exponent(3)),
@@ -371,8 +375,9 @@ fn overview(results: &[TrainingResult], baseline: Baseline) -> Table {
         ("relative to rms z", Format::Exponent(2)),
         ("share of the motion beyond the rotation", Format::Percent),
     ];
-    let mut table = Table::new(columns.into_iter().chain(held_out_loss).chain(errors));
-    for result in results.iter().filter(|result| result.is_first()) {
+    let mut table =
+        Table::new(columns.into_iter().chain(held_out_loss).chain(weights).chain(errors));
+    for result in firsts() {
         let validation = result.held_out_error.and_then(finite);
         let mut row = vec![
             format!("`{}`", result.name).into(),
@@ -383,6 +388,9 @@ fn overview(results: &[TrainingResult], baseline: Baseline) -> Table {
         ];
         if is_weighted {
             row.push(result.best.validation.and_then(finite).into());
+        }
+        if is_mixed {
+            row.push(if has_weights(result) { "by plane" } else { "none" }.into());
         }
         row.extend([
             validation.into(),
