@@ -492,7 +492,9 @@ weights = { kind = "normal", scale = 0.15 }
     let output = run(path, "few.toml", "few");
     let told = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(2), "{told}");
-    assert!(told.contains("few.npz") && told.contains("fewer than 100 pairs"), "{told}");
+    let last = told.lines().last().expect("an error");
+    assert!(last.contains("data.circle_action of") && last.contains("few.npz"), "{told}");
+    assert!(last.contains("fewer than 100 pairs"), "{told}");
     assert!(!told.contains("training one") && !path.join("few").exists(), "{told}");
     // What is found does not fit the network.
     let other =
@@ -503,4 +505,98 @@ weights = { kind = "normal", scale = 0.15 }
     assert_eq!(output.status.code(), Some(2), "{told}");
     assert!(told.contains("models.one") && told.contains("action"), "{told}");
     assert!(!path.join("other").exists());
+    // A family is refused before anything is looked for.
+    let points = pairs.input();
+    let epsilons: Vec<f64> = (0..pairs.len()).map(|k| 0.01 * (1 + k % 2) as f64).collect();
+    let times = vec![0.5; pairs.len()];
+    let family = Pairs::new("pairs", 2, points.to_vec(), pairs.output().to_vec()).expect("finite");
+    let family = family.under(&epsilons, &times).expect("a family");
+    write_pairs(&path.join("family.npz"), &family).expect("written");
+    write("family.toml", &scene.replace("pairs.npz", "family.npz"));
+    let output = run(path, "family.toml", "family");
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(told.contains("family.npz") && told.contains("pairs of one map"), "{told}");
+    assert_eq!(output.status.code(), Some(2), "{told}");
+}
+
+/// Two planes that turn with frequencies of their own: found in a part, `"auto"`, given, and beside a network of one
+/// circle.
+#[test]
+fn a_scene_finds_several_circles() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path();
+    let window = Window { low: vec![-1.0; 4], high: vec![1.0; 4], samples: 300 };
+    let points = sample(&[window], 2, &mut Stream::new(1, "points")).expect("points");
+    let moved = |z: &[f64]| {
+        let kick = |q: f64| 0.003 * q * q;
+        let (z, mut out) = ([z[0], z[1], z[2] + kick(z[0]), z[3] - kick(z[1])], [0.0; 4]);
+        for (j, angle) in [0.9f64, 2.3].into_iter().enumerate() {
+            let (sin, cos) = libm::sincos(angle);
+            out[j] = cos * z[j] + sin * z[2 + j];
+            out[2 + j] = cos * z[2 + j] - sin * z[j];
+        }
+        out
+    };
+    let output = points.chunks_exact(4).flat_map(moved).collect();
+    let pairs = Pairs::new("pairs", 2, points.clone(), output).expect("finite");
+    write_pairs(&path.join("pairs.npz"), &pairs).expect("written");
+    let scene = |action: &str| {
+        format!(
+            r#"
+name = "turns"
+[[parts]]
+name = "own"
+seed = 3
+flow_time = 1.0
+[parts.data]
+pairs = "pairs.npz"
+{action}
+[parts.training]
+iterations = 10
+loss = {{ kind = "by-plane" }}
+optimiser = {{ kind = "levenberg-marquardt" }}
+[[parts.models]]
+name = "form"
+network = {{ kind = "normal-form", kicks = {{ count = 2, width = 4 }}, twists = {{ count = 2, width = 4 }} }}
+weights = {{ kind = "normal", scale = 0.15 }}
+"#
+        )
+    };
+    let of = |name: &str, action: &str| {
+        std::fs::write(path.join("own.toml"), scene(action)).expect("written");
+        let output = run(path, "own.toml", name);
+        let told = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success(), "{told}");
+        let folder = path.join(name).join("own");
+        let (text, data) = report(&folder);
+        let model = load_model(&folder.join("model.json")).expect("a model").model;
+        (text, data["studies"]["pairs"].clone(), model)
+    };
+    let (text, pairs, model) = of("found", "");
+    assert!(text.contains("circle action 1,0/0,1: after"), "{text}");
+    assert!(text.contains("[[1, 0], [0, 1]], 0.01") && pairs["notes"].is_array(), "{text}");
+    assert_eq!(pairs["circle_action"], serde_json::json!([[1, 0], [0, 1]]));
+    assert_eq!(model.angles().len(), 2);
+    let given = ["circle_action = \"auto\"", "circle_action = [[1, 0], [0, 1]]"];
+    for (name, action) in ["auto", "given"].into_iter().zip(given) {
+        let (_, data, same) = of(name, action);
+        assert_eq!(same.parameters(), model.parameters(), "{name}");
+        assert_eq!(data["circle_action"], pairs["circle_action"]);
+        assert_eq!(data["notes"].is_array(), name == "auto");
+    }
+    let bad = scene("circle_action = \"find\"");
+    std::fs::write(path.join("bad.toml"), bad).expect("written");
+    let output = run(path, "bad.toml", "bad");
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.code() == Some(2) && told.contains("[1, 0]"), "{told}");
+    // A network of one circle: only single ones are looked for.
+    let one = "network = { kind = \"gyroceptron\", psi = { count = 1, width = 2 }, near_identity = { count = 1, width = 2 } }\n";
+    let text = scene("") + "\n[[parts.models]]\nname = \"one\"\n" + one;
+    std::fs::write(path.join("one.toml"), text).expect("written");
+    let output = run(path, "one.toml", "one");
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{told}");
+    let (_, data) = report(&path.join("one/own"));
+    let found = data["studies"]["pairs"]["circle_action"].as_array().expect("circles").len();
+    assert_eq!(found, 1);
 }

@@ -7,7 +7,7 @@ use super::splitting::MicroSteps;
 use super::stroboscopic::StroboscopicSettings;
 use crate::error::Error;
 use crate::layer::Turn;
-use crate::scalar::{Elementary, Over, Pack, WIDTH};
+use crate::scalar::{Elementary, Over, Pack};
 use crate::system::{
     AverageConstants, AveragePart, Hamiltonian, NearlyPeriodic, ParticleField, Splittable, System,
 };
@@ -25,8 +25,9 @@ use std::f64::consts::TAU;
 /// Averages are taken over equally spaced angles, and are exact except for harmonics that these do not
 /// resolve. Classical Runge–Kutta steps advance W; the rotation by ω₀t is then applied at once. Over
 /// times of 1/ε the errors are O(ε) and O(ε²). Each dW/dt takes (angles × order) evaluations of the
-/// vector field; in [closed form](NearlyPeriodic::averaged_field), which is of first order, it takes one
-/// evaluation of the average, or, where its Hamiltonian is a sum of two with exact flows, steps of a splitting.
+/// vector field; in [closed form](NearlyPeriodic::averaged_field) it takes one evaluation of the average, or, where
+/// its Hamiltonian is a sum of parts with exact flows, steps of a splitting. At second order the closed form is that of
+/// a Lie series, whose coordinates differ from W by O(ε²), no more than the errors.
 /// Entering and leaving the averaged coordinates take angles × (order + 1) together.
 ///
 /// Source: Sanders, Verhulst and Murdock, <https://doi.org/10.1007/978-0-387-48918-6>, sections 2.8 and 2.9.
@@ -56,12 +57,19 @@ struct Split {
     step: f64,
     /// The turns of A after each flow of B but the last of a step.
     turns: Vec<Turn<f64>>,
+    /// Whether what joins A and B is taken, before and after each step.
+    cross: bool,
     /// The turn of A at the beginning and at the end, and that between two steps.
     ends: [Turn<f64>; 2],
 }
 
 impl Split {
-    fn new(frequencies: &[f64], splitting: Splitting, (count, step): (usize, f64)) -> Self {
+    fn new(
+        frequencies: &[f64],
+        splitting: Splitting,
+        (count, step): (usize, f64),
+        cross: bool,
+    ) -> Self {
         let turn = |a: f64| {
             let angles: Vec<f64> = frequencies.iter().map(|w| w * (a * step)).collect();
             Turn::by_angles(&angles)
@@ -70,6 +78,7 @@ impl Split {
             count,
             step,
             turns: (1..splitting.stages).map(|i| turn(splitting.a(i))).collect(),
+            cross,
             ends: [turn(splitting.a(0)), turn(2.0 * splitting.a(0))],
             splitting,
         }
@@ -89,13 +98,24 @@ impl Split {
         for number in 0..=count {
             // Between the last B of a step and the first of the next one.
             let inner = number > 0 && number < count;
+            let joined = inner && !self.cross;
             let (turn, time) =
-                if inner { (&self.ends[1], 2.0 * end) } else { (&self.ends[0], end) };
+                if joined { (&self.ends[1], 2.0 * end) } else { (&self.ends[0], end) };
+            let time = S::from_f64(time);
             for ((z, constants), angle) in z.chunks_exact_mut(dim).zip(constants).zip(&mut *angles)
             {
-                turn.apply(z, false);
-                let time = S::from_f64(time);
-                *angle += system.flow_of_average(AveragePart::A, z, constants, time);
+                if number > 0 {
+                    turn.apply(z, false);
+                    *angle += system.flow_of_average(AveragePart::A, z, constants, time);
+                }
+                if self.cross {
+                    let time = S::from_f64(if inner { self.step } else { 0.5 * self.step });
+                    *angle += system.flow_of_average(AveragePart::Cross, z, constants, time);
+                }
+                if number == 0 || inner && !joined {
+                    turn.apply(z, false);
+                    *angle += system.flow_of_average(AveragePart::A, z, constants, time);
+                }
             }
             if number == count {
                 break;
@@ -153,10 +173,10 @@ impl Averaged {
         }
     }
 
-    /// The same method with the closed form of the average, of first order. The angles then only serve to enter
-    /// and leave the averaged coordinates.
+    /// The same method with the closed form of the average. The angles then only serve to enter and leave the averaged
+    /// coordinates.
     pub fn in_closed_form(self) -> Self {
-        Self { closed: true, order: 1, ..self }
+        Self { closed: true, ..self }
     }
 
     /// The closed form of the average in `count` steps of a splitting into its parts; None where the system gives
@@ -168,7 +188,8 @@ impl Averaged {
         count: usize,
     ) -> Option<Self> {
         let step = self.time / count as f64;
-        let split = Split::new(&system.average_split()?, splitting, (count, step));
+        let cross = self.order == 2 && system.average_has_cross();
+        let split = Split::new(&system.average_split()?, splitting, (count, step), cross);
         Some(Self { split: Some(split), ..self.in_closed_form() })
     }
 
@@ -178,8 +199,7 @@ impl Averaged {
     }
 
     /// z ← its image under the flow, in `count` steps of the averaged equation; z is one point of 2n numbers, or
-    /// several. `constants` gives [`NearlyPeriodic::average_constants`] of an averaged point; only the closed form
-    /// calls it.
+    /// several.
     ///
     /// # Panics
     /// When `count` is 0, or another number than that of a [splitting](Averaged::split_by); when z is not of whole
@@ -190,18 +210,18 @@ impl Averaged {
         system: &impl NearlyPeriodic,
         z: &mut [S],
         count: usize,
-        constants: impl Fn(&[S]) -> AverageConstants<S>,
     ) {
         let dim = 2 * system.dof();
         assert!(count > 0 && z.len().is_multiple_of(dim));
         let points = z.len() / dim;
         let mut space = vec![S::zero(); (self.turns.len() + 4) * dim + points];
         let (angles, space) = space.split_at_mut(points);
-        let mut all = vec![[S::zero(); 4]; points];
+        let mut all = vec![AverageConstants::zero(); points];
         for (z, own) in z.chunks_exact_mut(dim).zip(&mut all) {
             self.enter(system, z, space);
-            if self.closed {
-                *own = constants(z);
+            // Where there is none, what follows is NaN.
+            if let (true, Some(found)) = (self.closed, system.average_constants(z, self.order)) {
+                *own = found;
             }
         }
         match &self.split {
@@ -406,8 +426,8 @@ pub struct AveragedSettings {
     /// The angles of an average.
     #[serde(default = "sixteen")]
     pub angles: usize,
-    /// Whether the closed form of the average, of first order, is used: the angles then only serve to enter and
-    /// leave the averaged coordinates.
+    /// Whether the closed form of the average is used: the angles then only serve to enter and leave the averaged
+    /// coordinates.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub closed: bool,
     /// The splitting of the closed form, in place of Runge–Kutta steps.
@@ -453,10 +473,6 @@ impl NumericalMethod for AveragedSettings {
 
     fn check(&self) -> Result<(), Error> {
         Error::check_count_range("order", self.order, 1, 2)?;
-        if self.closed && self.order == 2 {
-            let found = "order 2 and closed";
-            return Err(Error::invalid("integrator", found, "order 1 of a closed form"));
-        }
         if self.by.is_some() && !self.closed {
             return Err(Error::invalid(
                 "integrator",
@@ -474,9 +490,8 @@ impl NumericalMethod for AveragedSettings {
                 let expected = format!("{} degrees of freedom or fewer", Averaged::MOST_DOF);
                 Err(Error::invalid(&self.name(), system.dof(), expected))
             }
-            System::VanDerPol(_) if self.closed => {
-                Err(self.cannot_integrate("the average over the circle has no closed form"))
-            }
+            _ if self.closed && !system.has_closed_average(self.order) => Err(self
+                .cannot_integrate("the average over the circle has no closed form of this order")),
             _ if self.by.is_some() && system.average_split().is_none() => Err(self
                 .cannot_integrate("its average is not given as a sum of parts with exact flows")),
             _ => Ok(()),
@@ -514,20 +529,7 @@ impl NumericalMethod for AveragedSettings {
 impl<H: NearlyPeriodic> Method<H> for Averaged {
     #[inline(always)]
     fn take<V: Pack>(&self, system: &H, z: &mut [V], _: f64, steps: usize) {
-        let constants = |z: &[V]| {
-            let (mut point, mut out) = (vec![0.0; z.len()], [[0.0; WIDTH]; 4]);
-            let mut lanes = [0.0; WIDTH];
-            for lane in 0..V::LANES {
-                for (number, component) in point.iter_mut().zip(z) {
-                    component.store(&mut lanes[..V::LANES]);
-                    *number = lanes[lane];
-                }
-                let of_point = system.average_constants(&point).unwrap_or([f64::NAN; 4]);
-                out.iter_mut().zip(of_point).for_each(|(out, constant)| out[lane] = constant);
-            }
-            out.map(|lanes| V::load(&lanes[..V::LANES]))
-        };
-        Averaged::take(self, system, z, steps, constants);
+        Averaged::take(self, system, z, steps);
     }
 }
 

@@ -3,7 +3,7 @@
 use super::line_data::TracedLines;
 use super::notes::Note;
 use super::setup::{Data, FlowBy};
-use super::target_flow::{FileData, TargetFlow};
+use super::target_flow::{FileData, TargetFlow, check_one_map};
 use crate::error::Error;
 use crate::flow::{Pairs, Region};
 use crate::io::{PairsFile, read_pairs};
@@ -37,6 +37,8 @@ pub(super) struct DataSets {
     pub(super) controls: Option<Controls>,
     /// The rotation nearest to the pairs of a file, by its angle.
     pub(super) nearest: Option<(TorusAction, Vec<f64>)>,
+    /// SHA-256 of the pairs of a file, as they were given.
+    pub(super) digest: Option<String>,
     /// What is to be said of the pairs of a file.
     pub(super) notes: Vec<String>,
     /// What is known of how well they keep areas.
@@ -96,6 +98,7 @@ impl DataSets {
             rotation_error,
             controls: None,
             nearest: None,
+            digest: None,
             notes: Vec::new(),
             area_defects: Vec::new(),
         }
@@ -133,10 +136,7 @@ impl DataSets {
     ) -> Result<Self, Error> {
         let place = file.pairs.display().to_string();
         let PairsFile { pairs, unused, single_precision, .. } = read_pairs(file.pairs)?;
-        if !pairs.conditions().is_empty() {
-            let found = "epsilon, flow_time or lambda of each pair";
-            return Err(Error::content(place, "pairs of one map", found));
-        }
+        check_one_map(file.pairs, &pairs)?;
         let action = TargetFlow::File(file).torus();
         let fit = Fit {
             place: place.clone(),
@@ -149,11 +149,12 @@ impl DataSets {
         };
         let fit_notes = fit.notes_on(&pairs, networks, go_on)?;
         let area_defects = fit_notes.iter().filter_map(FitNote::area_defect).collect();
-        // What a section is, reports say beside the pairs.
+        // Reports describe the section beside the pairs.
         let says = |note: &&FitNote| note.is_warning() || !matches!(note, FitNote::Section(_));
         let mut notes: Vec<String> = file.found.into_iter().map(str::to_owned).collect();
         notes.extend(fit_notes.iter().filter(says).map(FitNote::to_string));
-        let (given, pairs) = (pairs.region(), fit.charted(pairs)?);
+        let (given, digest) = (pairs.region(), pairs.digest());
+        let pairs = fit.charted(pairs)?;
         if single_precision {
             notes.push(Note::SinglePrecision.to_string());
         }
@@ -184,6 +185,7 @@ impl DataSets {
         Ok(Self {
             units,
             section: fit.section.zip(given),
+            digest: Some(digest),
             nearest,
             notes,
             area_defects,
@@ -333,7 +335,7 @@ impl DataSets {
         root_mean_square(self.validation().unwrap_or(&self.training).output())
     }
 
-    /// The rotation nearest to the pairs by the circles of the target; of pairs of a file, also to those held out.
+    /// The rotation nearest to the pairs. For pairs of a file the held-out ones count too.
     pub(super) fn nearest_to(&self, target: TargetFlow<'_>) -> (TorusAction, Vec<f64>) {
         self.nearest.clone().unwrap_or_else(|| {
             let action = target.torus();

@@ -63,7 +63,7 @@ pub trait Observer {
     }
 }
 
-/// Hears of nothing and lets all go on.
+/// Ignores all events and never interrupts.
 pub(super) struct Unobserved;
 
 impl Observer for Unobserved {

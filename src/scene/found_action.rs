@@ -2,10 +2,10 @@
 
 use super::event::{Event, Observer};
 use super::registry::Scene;
-use super::setup::Setup;
-use super::target_flow::FoundAction;
+use super::setup::{PairsAction, Setup};
+use super::target_flow::{FoundAction, check_one_map, section_of};
 use crate::error::Error;
-use crate::io::{read_pairs, read_section};
+use crate::io::read_pairs;
 use crate::network::{Circles, NetworkSpec};
 use crate::train::{Control, Fit};
 use std::path::Path;
@@ -29,7 +29,7 @@ impl Scene {
             Err(Error::Stopped { .. }) => return Ok(None),
             Err(error) => return Err(error),
         }
-        // What is found may not fit networks and studies.
+        // The checks of networks and studies that need the circle action come now.
         scene.complete()?;
         Ok(Some(scene))
     }
@@ -61,7 +61,8 @@ impl Setup {
     /// The file of pairs whose circle action is neither given nor found so far.
     fn of_unknown_action(&self) -> Option<&Path> {
         let data = self.data.as_ref()?;
-        let is_known = data.circle_action.is_some() || data.found.is_some();
+        let is_given = matches!(data.circle_action, Some(PairsAction::Circle(_)));
+        let is_known = is_given || data.found.is_some();
         data.pairs.as_deref().filter(|_| !is_known)
     }
 
@@ -72,8 +73,13 @@ impl Setup {
     ) -> Result<Option<FoundAction>, Error> {
         let Some(data) = &self.data else { return Ok(None) };
         let Some(path) = &data.pairs else { return Ok(None) };
-        let section = data.section.as_deref().map(read_section).transpose()?;
+        if let Some(PairsAction::Torus(torus)) = &data.circle_action {
+            return Ok(Some(FoundAction::new(torus.clone(), None)));
+        }
         let pairs = read_pairs(path)?.pairs;
+        check_one_map(path, &pairs)?;
+        let section = data.section.as_deref().map(|path| section_of(path, pairs.dof()));
+        let section = section.transpose()?;
         // Without networks, that of a normal form.
         let mut networks = self.models.iter().map(|model| &model.network);
         let of = |circles: Circles| move |network: &&NetworkSpec| network.circles() == circles;
@@ -90,7 +96,11 @@ impl Setup {
             seed,
             ..Fit::default()
         };
-        let (torus, trial) = fit.find_action(pairs, go_on)?;
+        let place = |error: Error| match error {
+            Error::Stopped { .. } => error,
+            _ => error.with_place(format!("data.circle_action of {}", path.display())),
+        };
+        let (torus, trial) = fit.find_action(pairs, go_on).map_err(place)?;
         Ok(Some(FoundAction::new(torus, trial.map(|trial| trial.describe()))))
     }
 }

@@ -163,7 +163,7 @@ fn learn_at(
         let same = data.nearest.is_some() && architecture.action() == Some(nearest_action);
         same.then(|| nearest.clone())
     };
-    // The check of the set-up has found them.
+    // That of a system has been found by the check of the set-up.
     let angles = own().or_else(|| target.angles(&architecture, theta, &data.training));
     let angles = angles.unwrap_or_else(|| vec![theta; architecture.circles.len()]);
     let mut stages = Vec::new();
@@ -193,7 +193,7 @@ fn learn_at(
         section: data.section.as_ref().map(|(section, _)| section.clone()),
         region: data.region(),
         flow_time: Some(time),
-        digest: data.training.digest(),
+        digest: data.digest.clone().unwrap_or_else(|| data.training.digest()),
         seed: scene.seed.wrapping_add(number),
         notes: Vec::new(),
         epsilon,

@@ -2,7 +2,7 @@
 
 use crate::error::Error;
 use crate::flow::{Integrator, Pairs, ReferenceTrajectories, Window, whole_periods};
-use crate::layer::CircleAction;
+use crate::layer::{CircleAction, TorusAction};
 use crate::network::{InitialWeights, NetworkSpec};
 use crate::scene::line_data::LineData;
 use crate::scene::target_flow::{FileData, FoundAction, TargetFlow};
@@ -56,9 +56,10 @@ pub struct Data {
     /// takes it, where these are not canonical.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub section: Option<PathBuf>,
-    /// Φ of the pairs of a file. Unless given, it is found from them as `gyroceptron train` finds it.
+    /// Φ of the pairs of a file, or several circles. Unless given, or given as `"auto"`, it is found from them as
+    /// `gyroceptron train` finds it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub circle_action: Option<CircleAction>,
+    pub circle_action: Option<PairsAction>,
     /// ε of the pairs of a file: 0.01 unless given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub epsilon: Option<f64>,
@@ -81,6 +82,26 @@ pub struct Data {
     /// Φ of the pairs of a file, where it was found from them.
     #[serde(skip)]
     pub(super) found: Option<FoundAction>,
+}
+
+/// The circle action of pairs, as a scene declares it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged, expecting = "weights such as [1, 0], several such lists, or \"auto\"")]
+pub enum PairsAction {
+    /// One circle.
+    Circle(CircleAction),
+    /// Several circles, each with an angle of its own.
+    Torus(TorusAction),
+    /// That which the pairs show.
+    Found(FoundFromPairs),
+}
+
+/// The word for what is found from pairs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum FoundFromPairs {
+    /// `"auto"`.
+    #[serde(rename = "auto")]
+    Auto,
 }
 
 /// An integrator in place of the reference flow. Its error is estimated with twice as many steps or, for an averaged
@@ -301,7 +322,7 @@ impl Setup {
         self.data.as_ref().is_some_and(|data| data.pairs.is_some())
     }
 
-    /// What the networks stand for. Pairs of a file are not known to stand for a map before their circle action is.
+    /// What the networks stand for; None for pairs of a file until their circle action is known.
     pub(super) fn target(&self) -> Option<TargetFlow<'_>> {
         let data = self.data.as_ref();
         let file = || data.and_then(Data::file).map(TargetFlow::File);
@@ -488,7 +509,10 @@ impl Data {
             pairs: self.pairs.as_deref()?,
             trajectories: self.trajectories.as_deref(),
             section: self.section.as_deref(),
-            circle_action: self.circle_action.as_ref().or(found.map(|found| &found.circle))?,
+            circle_action: match &self.circle_action {
+                Some(PairsAction::Circle(circle)) => circle,
+                _ => &found?.circle,
+            },
             torus: found.map(|found| &found.torus),
             found: found.and_then(|found| found.words.as_deref()),
             epsilon: self.epsilon.unwrap_or(Fit::EPSILON),

@@ -44,7 +44,7 @@ pub(super) struct FileData<'a> {
 /// A circle action that was found from pairs.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct FoundAction {
-    /// The circles of networks that name none of their own.
+    /// The circles of networks that declare none.
     pub(super) torus: TorusAction,
     /// All of these circles together.
     pub(super) circle: CircleAction,
@@ -71,15 +71,7 @@ impl FileData<'_> {
     /// # Errors
     /// Those of [`read_section`]; when it is of other planes, or of controls.
     pub(super) fn read_section(&self) -> Result<Option<Section>, Error> {
-        let Some(path) = self.section else { return Ok(None) };
-        let place = |error: Error| error.with_place(path.display());
-        let section = read_section(path)?;
-        section.check(self.circle_action.dof()).map_err(place)?;
-        if section.depends_on_controls() {
-            let expected = "one density: the pairs of a scene have no controls";
-            return Err(place(Error::invalid("lambda", "a density of controls", expected)));
-        }
-        Ok(Some(section))
+        self.section.map(|path| section_of(path, self.circle_action.dof())).transpose()
     }
 
     /// The first states of the trajectories of a file, in its units.
@@ -102,6 +94,27 @@ impl FileData<'_> {
     }
 }
 
+/// The section of a file, for pairs of so many planes.
+pub(super) fn section_of(path: &Path, dof: usize) -> Result<Section, Error> {
+    let place = |error: Error| error.with_place(path.display());
+    let section = read_section(path)?;
+    section.check(dof).map_err(place)?;
+    if section.depends_on_controls() {
+        let expected = "one density: the pairs of a scene have no controls";
+        return Err(place(Error::invalid("lambda", "a density of controls", expected)));
+    }
+    Ok(section)
+}
+
+/// Fails where pairs are of several maps.
+pub(super) fn check_one_map(path: &Path, pairs: &Pairs) -> Result<(), Error> {
+    if pairs.conditions().is_empty() {
+        return Ok(());
+    }
+    let found = "epsilon, flow_time or lambda of each pair";
+    Err(Error::content(path.display(), "pairs of one map", found))
+}
+
 impl<'a> TargetFlow<'a> {
     pub(super) fn circle_action(self) -> CircleAction {
         match self {
@@ -112,7 +125,7 @@ impl<'a> TargetFlow<'a> {
         }
     }
 
-    /// The circles of networks that name none of their own.
+    /// The circles of networks that declare none.
     pub(super) fn torus(self) -> TorusAction {
         match self {
             Self::File(FileData { torus: Some(torus), .. }) => torus.clone(),

@@ -1,5 +1,6 @@
 //! All systems of the crate behind one type.
 
+use super::average::MOST_WAVENUMBER;
 use super::{
     AverageConstants, AveragePart, AveragedOscillator, CellularDrift, FieldLines, FullOrbit,
     Hamiltonian, NearlyPeriodic, Oscillators, ParticleField, ThreeOscillators, VanDerPol,
@@ -187,6 +188,24 @@ impl Hamiltonian for System {
     }
 }
 
+impl System {
+    /// Whether the average over its circle has a closed form of an order.
+    pub(crate) fn has_closed_average(&self, order: usize) -> bool {
+        let point = vec![0.5; 2 * self.dof()];
+        let closed = self.average_constants(&point, order).is_some();
+        closed && self.wavenumber() <= MOST_WAVENUMBER
+    }
+
+    /// The wavenumber of the fields of a particle.
+    fn wavenumber(&self) -> f64 {
+        match self {
+            Self::FullOrbit(system) => system.wavenumber,
+            Self::CellularDrift(system) => system.wavenumber,
+            _ => 0.0,
+        }
+    }
+}
+
 impl NearlyPeriodic for System {
     fn epsilon(&self) -> f64 {
         each_system!(self, s => s.epsilon())
@@ -206,8 +225,13 @@ impl NearlyPeriodic for System {
     fn customary_invariant<S: Elementary>(&self, z: &[S]) -> Option<(&'static str, S)> {
         each_system!(self, s => s.customary_invariant(z))
     }
-    fn average_constants(&self, z: &[f64]) -> Option<AverageConstants> {
-        each_system!(self, s => s.average_constants(z))
+    #[inline(always)]
+    fn average_constants<S: Elementary>(
+        &self,
+        z: &[S],
+        order: usize,
+    ) -> Option<AverageConstants<S>> {
+        each_system!(self, s => s.average_constants(z, order))
     }
     #[inline(always)]
     fn averaged_field<S: Elementary>(
@@ -220,6 +244,9 @@ impl NearlyPeriodic for System {
     }
     fn average_split(&self) -> Option<Vec<f64>> {
         each_system!(self, s => s.average_split())
+    }
+    fn average_has_cross(&self) -> bool {
+        each_system!(self, s => s.average_has_cross())
     }
     #[inline(always)]
     fn flow_of_average<S: Elementary>(

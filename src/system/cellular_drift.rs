@@ -1,5 +1,6 @@
 //! A charged particle that drifts through the cells of an electric potential.
 
+use super::average::{self, Jet, POINTS, QUARTER};
 use super::{AverageConstants, AveragePart, Hamiltonian, NearlyPeriodic, Splittable, turn};
 use crate::error::Error;
 use crate::layer::CircleAction;
@@ -114,55 +115,115 @@ impl NearlyPeriodic for CellularDrift {
     fn adiabatic_invariant<S: Elementary>(&self, z: &[S]) -> S {
         S::from_f64(0.5) * z[0].mul_add(z[0], z[2] * z[2])
     }
-    /// J₀(√2 kρ) with ρ² = Π_x² + Π_y², and its derivative by ½ρ².
-    fn average_constants(&self, z: &[f64]) -> Option<AverageConstants> {
-        let radius = libm::hypot(z[0], z[2]);
-        let (k, argument) = (self.wavenumber, self.argument(radius));
-        // J₁(x)/x is ½ at 0.
-        let ratio = if argument < 1e-8 { 0.5 } else { libm::j1(argument) / argument };
-        Some([libm::j0(argument), -2.0 * k * k * ratio, 0.0, 0.0])
+    /// J₀(√2 kρ) with ρ² = Π_x² + Π_y², and its derivative by ½ρ², as means over the gyration; of second order, with U =
+    /// Y + X and V = Y − X, the coefficients of 1, of cos 2kU + cos 2kV and of sin kU sin kV.
+    #[inline(always)]
+    fn average_constants<S: Elementary>(
+        &self,
+        z: &[S],
+        order: usize,
+    ) -> Option<AverageConstants<S>> {
+        let wavenumber = std::f64::consts::SQRT_2 * self.wavenumber;
+        let radius = average::radius(z[0], z[2]);
+        let (mut even, mut odd) = ([Jet::zero(); POINTS], [Jet::zero(); POINTS]);
+        let mut slope = S::zero();
+        for i in 0..POINTS {
+            let v = Jet::linear(QUARTER[i] * wavenumber, radius);
+            (odd[i], even[i]) = v.sin_cos_of_linear();
+            let weight = 1.0 - QUARTER[i] * QUARTER[i];
+            let share = wavenumber * wavenumber * weight / POINTS as f64;
+            slope -= S::from_f64(share) * even[i].value();
+        }
+        let mean = average::mean(&even);
+        let first = [mean.value(), slope, S::zero(), S::zero()];
+        if order == 1 {
+            return Some(AverageConstants { first, second: None });
+        }
+        let of_even = average::mean_of_product(&even, &even) - mean * mean;
+        let of_odd = average::mean_of_product(&odd, &odd);
+        let across = average::mean_across(&even, &even) - mean * mean;
+        let drift = average::mean_with_integral(&odd, &odd);
+        let drift = drift.times(0.5 * self.wavenumber * self.wavenumber).with_slope(radius);
+        let across = across.times(-0.25).slopes(radius);
+        let mut second = [[S::zero(); 2]; 6];
+        second[0] = (of_even + of_odd).times(-0.125).slopes(radius);
+        second[1] = (of_odd - of_even).times(-0.0625).slopes(radius);
+        second[2] = [across[0] + drift[0], across[1] + drift[1]];
+        Some(AverageConstants { first, second: Some(second) })
     }
-    /// The vector field of [`CellularDrift::averaged`].
+    /// The vector field of [`CellularDrift::averaged`], and of the second order of averaging.
     #[inline(always)]
     fn averaged_field<S: Elementary>(
         &self,
         z: &[S],
-        [bessel, slope, ..]: &AverageConstants<S>,
+        constants: &AverageConstants<S>,
         out: &mut [S],
     ) {
+        let [bessel, slope, ..] = constants.first;
         let (epsilon, k) = (S::from_f64(self.epsilon), S::from_f64(self.wavenumber));
         let ((sin_y, cos_y), (sin_x, cos_x)) = ((k * z[1]).sin_cos(), (k * z[3]).sin_cos());
-        let shift = epsilon * *slope * sin_y * cos_x;
-        (out[0], out[2]) = (shift * z[2], -(shift * z[0]));
-        let size = epsilon * k * *bessel;
+        let mut shift = epsilon * slope * sin_y * cos_x;
+        let size = epsilon * k * bessel;
         (out[1], out[3]) = (-(size * sin_y * sin_x), -(size * cos_y * cos_x));
+        if let Some([[_, a0], [a1, b1], [a2, b2], ..]) = constants.second {
+            let (one, two, half) = (S::from_f64(1.0), S::from_f64(2.0), S::from_f64(0.5));
+            let square = S::from_f64(self.epsilon * self.epsilon);
+            let (double_sx, double_cx) = (two * sin_x * cos_x, one - two * sin_x * sin_x);
+            let (double_sy, double_cy) = (two * sin_y * cos_y, one - two * sin_y * sin_y);
+            let size = two * k * square;
+            out[1] -= size * double_sx * (two * a1 * double_cy + half * a2);
+            out[3] += size * double_sy * (two * a1 * double_cx - half * a2);
+            let waves = two * b1 * double_cy * double_cx + half * b2 * (double_cx - double_cy);
+            shift += square * (a0 + waves);
+        }
+        (out[0], out[2]) = (shift * z[2], -(shift * z[0]));
     }
     /// sin ky cos kx = ½ sin k(y + x) + ½ sin k(y − x): A and B.
     fn average_split(&self) -> Option<Vec<f64>> {
         Some(vec![0.0; 2])
+    }
+    fn average_has_cross(&self) -> bool {
+        true
     }
     #[inline(always)]
     fn flow_of_average<S: Elementary>(
         &self,
         part: AveragePart,
         z: &mut [S],
-        [bessel, slope, ..]: &AverageConstants<S>,
+        constants: &AverageConstants<S>,
         time: S,
     ) -> S {
+        let [bessel, slope, ..] = constants.first;
+        let (one, two, half) = (S::from_f64(1.0), S::from_f64(2.0), S::from_f64(0.5));
         let k = S::from_f64(self.wavenumber);
-        let half = S::from_f64(0.5 * self.epsilon) * time;
+        let square = S::from_f64(self.epsilon * self.epsilon) * time;
         let form = match part {
             AveragePart::A => z[1] + z[3],
             AveragePart::B => z[1] - z[3],
+            // sin kU sin kV = ½(cos 2kX − cos 2kY).
+            AveragePart::Cross => {
+                let Some([_, _, [a2, b2], ..]) = constants.second else { return S::zero() };
+                let (sin_x, cos_x) = (two * k * z[3]).sin_cos();
+                z[1] -= square * k * a2 * sin_x;
+                let (sin_y, cos_y) = (two * k * z[1]).sin_cos();
+                z[3] -= square * k * a2 * sin_y;
+                return half * square * b2 * (cos_x - cos_y);
+            }
         };
+        let half_of = S::from_f64(0.5 * self.epsilon) * time;
         let (sin, cos) = (k * form).sin_cos();
-        let change = half * k * *bessel * cos;
+        let mut change = half_of * k * bessel * cos;
+        let mut angle = half_of * slope * sin;
+        if let Some([[_, a0], [a1, b1], ..]) = constants.second {
+            change -= square * k * two * two * a1 * sin * cos;
+            angle += square * (half * a0 + b1 * (one - two * sin * sin));
+        }
         match part {
             AveragePart::A => z[1] += change,
-            AveragePart::B => z[1] -= change,
+            _ => z[1] -= change,
         }
         z[3] -= change;
-        half * *slope * sin
+        angle
     }
     fn limiting_flow<S: Elementary>(&self, z: &mut [S], time: S) {
         turn(z, 0, 2, time);

@@ -86,8 +86,13 @@ impl<H: NearlyPeriodic> NearlyPeriodic for Counted<'_, H> {
     fn adiabatic_invariant<S: Elementary>(&self, z: &[S]) -> S {
         self.system.adiabatic_invariant(z)
     }
-    fn average_constants(&self, z: &[f64]) -> Option<AverageConstants> {
-        self.system.average_constants(z)
+    #[inline(always)]
+    fn average_constants<S: Elementary>(
+        &self,
+        z: &[S],
+        order: usize,
+    ) -> Option<AverageConstants<S>> {
+        self.system.average_constants(z, order)
     }
     #[inline(always)]
     fn averaged_field<S: Elementary>(
@@ -100,6 +105,9 @@ impl<H: NearlyPeriodic> NearlyPeriodic for Counted<'_, H> {
     }
     fn average_split(&self) -> Option<Vec<f64>> {
         self.system.average_split()
+    }
+    fn average_has_cross(&self) -> bool {
+        self.system.average_has_cross()
     }
     #[inline(always)]
     fn flow_of_average<S: Elementary>(

@@ -1,5 +1,6 @@
 //! A charged particle in a strong magnetic field that varies within its gyroradius.
 
+use super::average::{self, Jet, POINTS, QUARTER};
 use super::{AverageConstants, AveragePart, Hamiltonian, NearlyPeriodic, Splittable, turn};
 use crate::error::Error;
 use crate::layer::CircleAction;
@@ -160,76 +161,176 @@ impl NearlyPeriodic for FullOrbit {
     fn customary_invariant<S: Elementary>(&self, z: &[S]) -> Option<(&'static str, S)> {
         Some(("v²/2B", self.magnetic_moment(z)))
     }
-    /// J₀(kρ), J₁(kρ)/ρ, J₀(2kρ) and J₁(2kρ)/ρ of the gyroradius ρ = |Π|.
-    fn average_constants(&self, z: &[f64]) -> Option<AverageConstants> {
-        let radius = libm::hypot(z[0], z[2]);
-        let over_radius = |k: f64| match k * radius > 0.0 {
-            true => libm::j1(k * radius) / radius,
-            false => 0.5 * k,
-        };
-        let (k, double) = (self.wavenumber, 2.0 * self.wavenumber);
-        Some([libm::j0(k * radius), over_radius(k), libm::j0(double * radius), over_radius(double)])
+    /// J₀(kρ), J₁(kρ)/ρ, J₀(2kρ) and J₁(2kρ)/ρ of the gyroradius ρ = |Π|, as means over the gyration; of second order
+    /// the coefficients of 1, cos 2kX, cos 2kY, sin 2kY, cos kX cos kY and cos kX sin kY.
+    #[inline(always)]
+    fn average_constants<S: Elementary>(
+        &self,
+        z: &[S],
+        order: usize,
+    ) -> Option<AverageConstants<S>> {
+        let (k, f) = (self.wavenumber, self.potential);
+        let radius = average::radius(z[0], z[2]);
+        let (one, two) = (S::from_f64(1.0), S::from_f64(2.0));
+        let mut first = [S::zero(); 4];
+        // Of H̃₁, as functions of Π_y, the coefficients of cos kX and sin kX, and of Π_x those of cos kY and sin kY, even
+        // and odd each.
+        let mut of_x = [[Jet::zero(); POINTS]; 2];
+        let mut of_y = [[Jet::zero(); POINTS]; 4];
+        for i in 0..POINTS {
+            let v = Jet::linear(QUARTER[i], radius);
+            let (sin, cos) = v.times(k).sin_cos_of_linear();
+            let (v_sin, v_cos) = ((v * sin).times(1.0 / k), (v * cos).times(1.0 / k));
+            let (f_sin, f_cos) = (sin.times(f), cos.times(f));
+            of_x[0][i] = v_sin + f_cos;
+            of_x[1][i] = f_sin - v_cos;
+            (of_y[0][i], of_y[1][i], of_y[2][i], of_y[3][i]) = (v_sin, f_sin, f_cos, v_cos);
+            let weight = S::from_f64(k * (1.0 - QUARTER[i] * QUARTER[i]));
+            let (cos, sin) = (cos.value(), sin.value());
+            let double = one - two * sin * sin;
+            first[0] += cos;
+            first[1] += weight * cos;
+            first[2] += double;
+            first[3] += two * weight * double;
+        }
+        let share = S::from_f64(1.0 / POINTS as f64);
+        for value in &mut first {
+            *value *= share;
+        }
+        if order == 1 {
+            return Some(AverageConstants { first, second: None });
+        }
+        let [even_x, odd_x] = &of_x;
+        let [even_cos, odd_cos, even_sin, odd_sin] = &of_y;
+        let product = average::mean_of_product::<S>;
+        let (mean_x, mean_cos, mean_sin) =
+            (average::mean(even_x), average::mean(even_cos), average::mean(even_sin));
+        let xx = [product(even_x, even_x) - mean_x * mean_x, product(odd_x, odd_x)];
+        let cc = product(even_cos, even_cos) - mean_cos * mean_cos + product(odd_cos, odd_cos);
+        let ss = product(even_sin, even_sin) - mean_sin * mean_sin + product(odd_sin, odd_sin);
+        let cs = product(even_cos, even_sin) - mean_cos * mean_sin + product(odd_cos, odd_sin);
+        let x_cos = average::mean_across(even_x, even_cos) - mean_x * mean_cos;
+        let x_sin = average::mean_across(even_x, even_sin) - mean_x * mean_sin;
+        let by_cos = average::mean_with_integral(odd_x, odd_cos).times(k * k);
+        let by_sin = average::mean_with_integral(odd_x, odd_sin).times(k * k);
+        let both = |[a, a_slope]: [S; 2], [b, b_slope]: [S; 2]| [a + b, a_slope + b_slope];
+        let second = [
+            (xx[0] + xx[1] + cc + ss).times(-0.25).slopes(radius),
+            (xx[0] - xx[1]).times(-0.25).slopes(radius),
+            (cc - ss).times(-0.25).slopes(radius),
+            cs.times(-0.5).slopes(radius),
+            both(x_cos.times(-1.0).slopes(radius), by_sin.times(-1.0).with_slope(radius)),
+            both(x_sin.times(-1.0).slopes(radius), by_cos.with_slope(radius)),
+        ];
+        Some(AverageConstants { first, second: Some(second) })
     }
     /// The vector field of the gyro-average without ½ρ², with J₀ and J₁ of kρ,
     ///
-    /// ε(ρJ₁/k (cos kX + cos kY) + fJ₀(cos kX + sin kY)) + ε²(2 − J₀(2kρ)(cos 2kX + cos 2kY))/4k².
+    /// ε(ρJ₁/k (cos kX + cos kY) + fJ₀(cos kX + sin kY)) + ε²(2 − J₀(2kρ)(cos 2kX + cos 2kY))/4k²,
+    ///
+    /// and of the second order of averaging.
     #[inline(always)]
     fn averaged_field<S: Elementary>(
         &self,
         z: &[S],
-        [j0, j1, of_double, j1_of_double]: &AverageConstants<S>,
+        constants: &AverageConstants<S>,
         out: &mut [S],
     ) {
+        let [j0, j1, of_double, j1_of_double] = constants.first;
         let (k, strength) = (S::from_f64(self.wavenumber), S::from_f64(self.potential));
         let ((sx, cx), (sy, cy)) = ((k * z[3]).sin_cos(), (k * z[1]).sin_cos());
         let (one, two) = (S::from_f64(1.0), S::from_f64(2.0));
         let (epsilon, second) =
             (S::from_f64(self.epsilon), S::from_f64(0.5 * self.epsilon * self.epsilon) / k);
-        let of_field = epsilon * *j1 * (z[0] * z[0] + z[2] * z[2]);
-        let of_potential = epsilon * strength * k * *j0;
-        let first = epsilon * (*j0 * (cx + cy) - strength * k * *j1 * (cx + sy));
-        let shift = first + second * *j1_of_double * two * (one - sx * sx - sy * sy);
-        (out[0], out[2]) = (shift * z[2], -(shift * z[0]));
-        let of_square = second * *of_double * two;
+        let of_field = epsilon * j1 * (z[0] * z[0] + z[2] * z[2]);
+        let of_potential = epsilon * strength * k * j0;
+        let first = epsilon * (j0 * (cx + cy) - strength * k * j1 * (cx + sy));
+        let mut shift = first + second * j1_of_double * two * (one - sx * sx - sy * sy);
+        let of_square = second * of_double * two;
         out[1] = of_square * sx * cx - (of_field + of_potential) * sx;
         out[3] = of_field * sy - of_potential * cy - of_square * sy * cy;
+        if let Some([[_, a0], [a1, b1], [a2, b2], [a3, b3], [a4, b4], [a5, b5]]) = constants.second
+        {
+            let square = S::from_f64(self.epsilon * self.epsilon);
+            let (double_sx, double_cx) = (two * sx * cx, one - two * sx * sx);
+            let (double_sy, double_cy) = (two * sy * cy, one - two * sy * sy);
+            let of_x = two * a1 * double_sx + sx * (a4 * cy + a5 * sy);
+            let of_y = two * (a2 * double_sy - a3 * double_cy) + cx * (a4 * sy - a5 * cy);
+            out[1] -= square * k * of_x;
+            out[3] += square * k * of_y;
+            let waves = b1 * double_cx + b2 * double_cy + b3 * double_sy;
+            shift += square * (a0 + waves + cx * (b4 * cy + b5 * sy));
+        }
+        (out[0], out[2]) = (shift * z[2], -(shift * z[0]));
     }
     /// A: the waves of X. B: those of Y.
     fn average_split(&self) -> Option<Vec<f64>> {
         Some(vec![0.0; 2])
+    }
+    fn average_has_cross(&self) -> bool {
+        true
     }
     #[inline(always)]
     fn flow_of_average<S: Elementary>(
         &self,
         part: AveragePart,
         z: &mut [S],
-        [j0, j1, of_double, j1_of_double]: &AverageConstants<S>,
+        constants: &AverageConstants<S>,
         time: S,
     ) -> S {
+        let [j0, j1, of_double, j1_of_double] = constants.first;
         let (k, strength) = (S::from_f64(self.wavenumber), S::from_f64(self.potential));
-        let (one, two) = (S::from_f64(1.0), S::from_f64(2.0));
-        let epsilon = S::from_f64(self.epsilon) * time;
-        let second = S::from_f64(0.5 * self.epsilon * self.epsilon) * time / k;
-        let of_field = epsilon * *j1 * (z[0] * z[0] + z[2] * z[2]);
-        let of_potential = epsilon * strength * k * *j0;
-        let of_square = second * *of_double * two;
+        let (one, two, half) = (S::from_f64(1.0), S::from_f64(2.0), S::from_f64(0.5));
+        let square = S::from_f64(self.epsilon * self.epsilon) * time;
         let at = match part {
             AveragePart::A => z[3],
             AveragePart::B => z[1],
+            AveragePart::Cross => {
+                let Some([.., [a4, b4], [a5, b5]]) = constants.second else { return S::zero() };
+                let (sin, cos) = (k * (z[3] + z[1])).sin_cos();
+                let moved = half * square * k * (a5 * cos - a4 * sin);
+                (z[1], z[3]) = (z[1] + moved, z[3] - moved);
+                let turned = b4 * cos + b5 * sin;
+                let (sin, cos) = (k * (z[3] - z[1])).sin_cos();
+                let moved = half * square * k * (a4 * sin + a5 * cos);
+                (z[1], z[3]) = (z[1] - moved, z[3] - moved);
+                return half * square * (turned + b4 * cos - b5 * sin);
+            }
         };
+        let epsilon = S::from_f64(self.epsilon) * time;
+        let second = half * square / k;
+        let of_field = epsilon * j1 * (z[0] * z[0] + z[2] * z[2]);
+        let of_potential = epsilon * strength * k * j0;
+        let of_square = second * of_double * two;
         let (sin, cos) = (k * at).sin_cos();
         let wave = match part {
             AveragePart::A => {
                 z[1] += of_square * sin * cos - (of_field + of_potential) * sin;
                 cos
             }
-            AveragePart::B => {
+            _ => {
                 z[3] += of_field * sin - of_potential * cos - of_square * sin * cos;
                 sin
             }
         };
-        let first = epsilon * (*j0 * cos - strength * k * *j1 * wave);
-        first + second * *j1_of_double * (one - two * sin * sin)
+        let first = epsilon * (j0 * cos - strength * k * j1 * wave);
+        let double = one - two * sin * sin;
+        let mut angle = first + second * j1_of_double * double;
+        if let Some([[_, a0], [a1, b1], [a2, b2], [a3, b3], ..]) = constants.second {
+            let double_sin = two * sin * cos;
+            angle += square
+                * match part {
+                    AveragePart::A => {
+                        z[1] -= square * k * two * a1 * double_sin;
+                        a0 + b1 * double
+                    }
+                    _ => {
+                        z[3] += square * k * two * (a2 * double_sin - a3 * double);
+                        b2 * double + b3 * double_sin
+                    }
+                };
+        }
+        angle
     }
     fn limiting_flow<S: Elementary>(&self, z: &mut [S], time: S) {
         turn(z, 0, 2, time);

@@ -1,6 +1,7 @@
 //! Nearly-periodic systems: Hamiltonian ones, and one that is not.
 
 mod any_system;
+mod average;
 mod cellular_drift;
 mod coils;
 mod counted;

@@ -4,17 +4,33 @@ use super::Hamiltonian;
 use crate::layer::{CircleAction, TorusAction};
 use crate::scalar::{Elementary, max_or_nan};
 
-/// The functions of the actions that the closed form of an average takes as constants: at most four, others are 0. See
+/// The functions of the actions that the closed form of an average takes as constants: see
 /// [`NearlyPeriodic::average_constants`].
-pub type AverageConstants<S = f64> = [S; 4];
+#[derive(Clone, Copy, Debug)]
+pub struct AverageConstants<S = f64> {
+    /// Those of the first order: at most four, others are 0.
+    pub first: [S; 4],
+    /// The coefficients of the second order, each with its derivative by the action: at most six, others are 0. None
+    /// where the average is of first order.
+    pub second: Option<[[S; 2]; 6]>,
+}
 
-/// The two parts of a closed average whose flows are exact: see [`NearlyPeriodic::average_split`].
+impl<S: Elementary> AverageConstants<S> {
+    /// Zeros, of first order.
+    pub fn zero() -> Self {
+        Self { first: [S::zero(); 4], second: None }
+    }
+}
+
+/// The parts of a closed average whose flows are exact: see [`NearlyPeriodic::average_split`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AveragePart {
     /// The part whose flow is taken first: where planes turn in the average, the one that turns them.
     A,
-    /// The rest of the average, apart from part A.
+    /// The rest of the average, apart from part A and what of second order joins them.
     B,
+    /// Of second order what depends on the variables of both: see [`NearlyPeriodic::average_has_cross`].
+    Cross,
 }
 
 /// A nearly-periodic system.
@@ -49,14 +65,22 @@ pub trait NearlyPeriodic: Hamiltonian {
     }
 
     /// The functions of the actions at z that [`NearlyPeriodic::averaged_field`] takes as constants, since the
-    /// averaged flow conserves them; None where the average has no closed form.
-    fn average_constants(&self, z: &[f64]) -> Option<AverageConstants> {
-        let _ = z;
+    /// averaged flow conserves them, for an average of first or second order; None where it has no closed form.
+    #[inline(always)]
+    fn average_constants<S: Elementary>(
+        &self,
+        z: &[S],
+        order: usize,
+    ) -> Option<AverageConstants<S>> {
+        let _ = (z, order);
         None
     }
 
     /// `out` ← the average, over the circle through z, of the vector field minus that of the limit, in closed form.
     /// It exists where [`NearlyPeriodic::average_constants`] does; elsewhere `out` is NaN.
+    ///
+    /// With constants of second order it is the vector field of ⟨H₁⟩ − ½⟨{S, H̃₁}⟩: H̃₁ is what H₁, the Hamiltonian
+    /// minus that of the limit, is more than its average ⟨H₁⟩, and S its integral by the angle over ω₀, of average 0.
     #[inline(always)]
     fn averaged_field<S: Elementary>(
         &self,
@@ -74,7 +98,13 @@ pub trait NearlyPeriodic: Hamiltonian {
         None
     }
 
-    /// z ← the exact flow over `time` of a part of the average: of A without its turns, or of B. The flow turns the
+    /// Whether the average of second order has a [part](AveragePart::Cross) that joins A and B.
+    fn average_has_cross(&self) -> bool {
+        false
+    }
+
+    /// z ← the exact flow over `time` of a part of the average: of A without its turns, of B, or of what joins them
+    /// (of this part up to the fourth power of ε). The flow turns the
     /// circle through z too; that turn is left out, and its angle is returned. It exists where
     /// [`NearlyPeriodic::average_split`] does; elsewhere z and the angle are NaN.
     #[inline(always)]

@@ -1,5 +1,6 @@
 //! Two nonlinearly coupled oscillators, one fast and one slow.
 
+use super::average::{self, Jet, POINTS, QUARTER};
 use super::{AverageConstants, AveragePart, Hamiltonian, NearlyPeriodic, Splittable, turn};
 use crate::layer::CircleAction;
 use crate::scalar::Elementary;
@@ -43,6 +44,28 @@ impl Oscillators {
     }
 }
 
+impl Oscillators {
+    /// −∂G/∂q₂ and ∂G/∂J of the part G(q₂, J) of the averaged Hamiltonian over ε.
+    #[inline(always)]
+    fn of_average<S: Elementary>(&self, z: &[S], constants: &AverageConstants<S>) -> (S, S) {
+        let [c, slope, ..] = constants.first;
+        let (q, double) = (z[1], z[1] + z[1]);
+        let (sin, cos) = double.sin_cos();
+        let (mut force, mut shift) = (-(c * (cos - double * sin)), slope * q * cos);
+        if let Some([[a, a_slope], [b, b_slope], ..]) = constants.second {
+            let (one, two, epsilon) =
+                (S::from_f64(1.0), S::from_f64(2.0), S::from_f64(self.epsilon));
+            let (sin_of_four, cos_of_four) = (two * sin * cos, one - two * sin * sin);
+            let square = epsilon * q * q;
+            let even = b.mul_add(cos_of_four, a);
+            let four = S::from_f64(4.0);
+            force += four * square * b * sin_of_four - epsilon * double * even;
+            shift += square * b_slope.mul_add(cos_of_four, a_slope);
+        }
+        (force, shift)
+    }
+}
+
 impl Hamiltonian for Oscillators {
     fn dof(&self) -> usize {
         2
@@ -80,27 +103,53 @@ impl NearlyPeriodic for Oscillators {
     fn adiabatic_invariant<S: Elementary>(&self, z: &[S]) -> S {
         S::from_f64(0.5) * z[0].mul_add(z[0], z[2] * z[2])
     }
-    /// c = R J₁(2R) with R² = q₁² + p₁², and its derivative by ½R², 2J₀(2R).
-    fn average_constants(&self, z: &[f64]) -> Option<AverageConstants> {
-        let radius = libm::hypot(z[0], z[2]);
-        Some([radius * libm::j1(2.0 * radius), 2.0 * libm::j0(2.0 * radius), 0.0, 0.0])
+    /// c = R J₁(2R) with R² = q₁² + p₁² and its derivative by ½R², 2J₀(2R): the mean of q₁ sin 2q₁ over the circle, and
+    /// twice that of cos 2q₁. Of second order −¼ of the derivatives by ½R² of the sum and the difference of the variance
+    /// of q₁ sin 2q₁ and that of q₁ cos 2q₁.
+    #[inline(always)]
+    fn average_constants<S: Elementary>(
+        &self,
+        z: &[S],
+        order: usize,
+    ) -> Option<AverageConstants<S>> {
+        let radius = average::radius(z[0], z[2]);
+        let (mut even, mut odd) = ([Jet::zero(); POINTS], [Jet::zero(); POINTS]);
+        let mut slope = Jet::zero();
+        for i in 0..POINTS {
+            let v = Jet::linear(QUARTER[i], radius);
+            let (sin, cos) = v.times(2.0).sin_cos_of_linear();
+            (even[i], odd[i]) = (v * sin, v * cos);
+            slope = slope + cos;
+        }
+        let c = average::mean(&even);
+        let slope = slope.times(2.0 / POINTS as f64);
+        let first = [c.value(), slope.value(), S::zero(), S::zero()];
+        if order == 1 {
+            return Some(AverageConstants { first, second: None });
+        }
+        let of_even = average::mean_of_product(&even, &even) - c * c;
+        let of_odd = average::mean_of_product(&odd, &odd);
+        let mut second = [[S::zero(); 2]; 6];
+        second[0] = (of_even + of_odd).times(-0.25).slopes(radius);
+        second[1] = (of_even - of_odd).times(-0.25).slopes(radius);
+        Some(AverageConstants { first, second: Some(second) })
     }
-    /// The vector field of H̄ = ½ε(q₂² + p₂²) + εc q₂ cos 2q₂.
+    /// The vector field of H̄ = ½ε(q₂² + p₂²) + εc q₂ cos 2q₂, of second order + ε²q₂²(a + b cos 4q₂).
     #[inline(always)]
     fn averaged_field<S: Elementary>(
         &self,
         z: &[S],
-        [c, slope, ..]: &AverageConstants<S>,
+        constants: &AverageConstants<S>,
         out: &mut [S],
     ) {
         let epsilon = S::from_f64(self.epsilon);
-        let (sin, cos) = (z[1] + z[1]).sin_cos();
-        let shift = epsilon * *slope * z[1] * cos;
+        let (force, shift) = self.of_average(z, constants);
+        let shift = epsilon * shift;
         (out[0], out[2]) = (shift * z[2], -(shift * z[0]));
         out[1] = epsilon * z[3];
-        out[3] = -(epsilon * (z[1] + *c * (cos - (z[1] + z[1]) * sin)));
+        out[3] = epsilon * (force - z[1]);
     }
-    /// A: the slow oscillator. B: εc q₂ cos 2q₂.
+    /// A: the slow oscillator. B: εc q₂ cos 2q₂, and what is of second order.
     fn average_split(&self) -> Option<Vec<f64>> {
         Some(vec![0.0, self.epsilon])
     }
@@ -109,16 +158,16 @@ impl NearlyPeriodic for Oscillators {
         &self,
         part: AveragePart,
         z: &mut [S],
-        [c, slope, ..]: &AverageConstants<S>,
+        constants: &AverageConstants<S>,
         time: S,
     ) -> S {
         match part {
-            AveragePart::A => S::zero(),
+            AveragePart::A | AveragePart::Cross => S::zero(),
             AveragePart::B => {
-                let (double, kick) = (z[1] + z[1], S::from_f64(self.epsilon) * time);
-                let (sin, cos) = double.sin_cos();
-                z[3] -= kick * *c * (cos - double * sin);
-                kick * *slope * z[1] * cos
+                let kick = S::from_f64(self.epsilon) * time;
+                let (force, shift) = self.of_average(z, constants);
+                z[3] = kick.mul_add(force, z[3]);
+                kick * shift
             }
         }
     }

@@ -195,8 +195,15 @@ impl NearlyPeriodic for ParticleField {
         }
         total
     }
-    fn average_constants(&self, _: &[f64]) -> Option<AverageConstants> {
-        Some([0.0; 4])
+    /// Nothing, of first order. Of second order the circle, whose modes turn with frequencies in proportion, takes what
+    /// their actions exchange: they are no constants then.
+    #[inline(always)]
+    fn average_constants<S: Elementary>(
+        &self,
+        _: &[S],
+        order: usize,
+    ) -> Option<AverageConstants<S>> {
+        (order == 1).then(AverageConstants::zero)
     }
     /// The vector field of H̄ = ½ε(p² + Σ sin²(kq) J_k), J_k = ½(Q_k² + Π_k²): in the square of Σ sin(kq)Q_k the
     /// products of two different modes average to 0, since their frequencies differ.

@@ -174,6 +174,8 @@ pub struct TrainingOptions {
     pub fresh_twists: Option<FreshTwists>,
 }
 
+/// The plain recipe of scenes: a mean squared error, L-BFGS, one set of initial weights, all iterations. What is
+/// recommended for pairs of one's own is `Fit::default().training`.
 impl Default for TrainingOptions {
     fn default() -> Self {
         Self {

@@ -505,10 +505,22 @@ weights = { kind = "normal", scale = 0.15 }
     succeeds(folder, &["run", "plain.toml", "--out", "plain"]);
     let plain = std::fs::read_to_string(folder.join("plain/report.md")).expect("a report");
     assert!(plain.contains("do not keep dq∧dp"), "{plain}");
-    // A section that orbits leave, one of two planes, and studies of canonical coordinates.
+    // Orbits beyond the section, a density of controls, and studies of canonical coordinates.
     let mut far = states;
     far[0] = 9.0;
     write_points(&folder.join("far.npy"), &[51, 8, 2], &far).expect("written");
     std::fs::write(folder.join("far.toml"), scene.replace("t.npy", "far.npy")).expect("written");
     refuses(folder, &["run", "far.toml", "--out", "far"], &["far.npy"]);
+    let axes = [LOW, HIGH]
+        .map(|ends| (0..12).map(|k| ends[0] + (ends[1] - ends[0]) * f64::from(k) / 11.0).collect());
+    let [x, y]: [Vec<f64>; 2] = axes;
+    let density = vec![1.0; 2 * x.len() * y.len()];
+    write_section(&folder.join("controls.npz"), &x, &y, &density, 1.0, &[&[0.0], &[1.0]])
+        .expect("written");
+    let of_controls = scene.replace("section.npz", "controls.npz");
+    std::fs::write(folder.join("controls.toml"), of_controls).expect("written");
+    refuses(folder, &["run", "controls.toml", "--out", "c"], &["controls.npz", "controls"]);
+    let tunes = "[frequency_map]\nlow = [0.0, 0.0]\nhigh = [1.0, 1.0]\npoints = [4, 4]\nmaps = 100\n\n[[models]]";
+    std::fs::write(folder.join("tunes.toml"), scene.replace("[[models]]", tunes)).expect("written");
+    refuses(folder, &["run", "tunes.toml", "--out", "t"], &["frequency_map", "pairs of a section"]);
 }

@@ -1,5 +1,6 @@
 //! A report as Markdown.
 
+use crate::layer::CircleAction;
 use crate::scene::figure::{Figure, data_file_of};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
 use crate::scene::log::Stage;
@@ -85,8 +86,15 @@ pub(super) fn facts_of(report: &Report) -> Table {
     }
     if let Some(file) = scene.setup.data.as_ref().and_then(|data| data.file()) {
         facts.fact("pairs of", format!("`{}`", file.pairs.display()));
-        let (weights, epsilon) = (file.circle_action.weights(), file.epsilon);
-        facts.fact("circle action, ε", format!("{weights:?}, {epsilon}"));
+        let weights: Vec<_> = match file.torus {
+            Some(torus) => torus.circles().iter().map(CircleAction::weights).collect(),
+            None => vec![file.circle_action.weights()],
+        };
+        let weights = match weights[..] {
+            [one] => format!("{one:?}"),
+            _ => format!("{weights:?}"),
+        };
+        facts.fact("circle action, ε", format!("{weights}, {}", file.epsilon));
     }
     if let Some(time) = scene.setup.flow_time {
         facts.fact("flow time", time.to_string());

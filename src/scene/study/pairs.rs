@@ -111,6 +111,10 @@ impl Study for PairsStudy {
             }),
             ..Section::default()
         };
+        if let (Some(file), Some((action, _))) = (file, &data.nearest) {
+            results.data["circle_action"] = json!(action);
+            results.data["epsilon"] = json!(file.epsilon);
+        }
         if !data.notes.is_empty() {
             let lines = data.notes.iter().map(|note| format!("- {note}\n")).collect();
             results.summary.push(Block::Text(lines));

@@ -138,11 +138,11 @@ pub(super) fn check_slice(
     centre: [f64; 4],
     along: [usize; 2],
 ) -> Result<(), Error> {
-    if let Some(dof) = scene.setup.target().map(TargetFlow::dof).filter(|dof| *dof != 2) {
-        return Err(Error::invalid(study, format!("{dof} degrees of freedom"), "two"));
-    }
     if scene.setup.data.as_ref().is_some_and(|data| data.section.is_some()) {
         return Err(Error::invalid(study, "pairs of a section", "pairs in canonical coordinates"));
+    }
+    if let Some(dof) = scene.setup.target().map(TargetFlow::dof).filter(|dof| *dof != 2) {
+        return Err(Error::invalid(study, format!("{dof} degrees of freedom"), "two"));
     }
     if let Some(bad) = centre.iter().find(|value| !value.is_finite()) {
         return Err(Error::invalid("centre", bad, "finite numbers"));
