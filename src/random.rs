@@ -35,13 +35,17 @@ impl Stream {
         (high - low).mul_add(self.unit(), low)
     }
 
-    /// Normal with mean 0 and variance 1 (Box and Muller).
+    /// The next number, normal with mean 0 and variance 1.
+    ///
+    /// Source: Box and Muller, <https://doi.org/10.1214/aoms/1177706645>.
     pub fn normal(&mut self) -> f64 {
         let radius = (-2.0 * libm::log(1.0 - self.unit())).sqrt();
         radius * libm::cos(std::f64::consts::TAU * self.unit())
     }
 
-    /// Shuffles the values in place (Fisher–Yates, from the last one down).
+    /// Shuffles the values in place, from the last one down.
+    ///
+    /// Source: Fisher and Yates; as here in Durstenfeld, <https://doi.org/10.1145/364520.364540>.
     pub fn shuffle<T>(&mut self, values: &mut [T]) {
         for i in (1..values.len()).rev() {
             let j = (self.unit() * (i + 1) as f64) as usize;

@@ -284,6 +284,8 @@ pub struct Trust {
 impl Judgement {
     /// The fewest held-out pairs for a verdict. With a probability of 95 % the largest error of so many pairs exceeds
     /// that of nine tenths of all points: 0.9³⁰ = 4 % is less than a twentieth.
+    ///
+    /// Source: Wilks' tolerance limits, <https://doi.org/10.1214/aoms/1177731788>.
     pub const FEWEST: usize = 30;
 
     /// Judges the outcome of a training on these pairs; `action` and `angles` are the rotation

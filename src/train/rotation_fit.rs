@@ -16,6 +16,9 @@ use std::f64::consts::TAU;
 /// C_j = Σ(qq′ + pp′) and S_j = Σ(pq′ − qp′); its minimum is found by a scan
 /// and golden-section search.
 ///
+/// Source: the orthogonal Procrustes problem, Schönemann, <https://doi.org/10.1007/BF02289451>, among the rotations of
+/// one circle action.
+///
 /// # Panics
 /// When the action and the pairs differ in their degrees of freedom.
 pub fn fit_rotation(pairs: &Pairs, action: &CircleAction) -> f64 {

@@ -12,6 +12,8 @@ use std::sync::LazyLock;
 /// The result of an operation contains the results for all numbers in its arguments; the rounding of the centre is
 /// added to the radius. A result that is not finite, or a division by a ball that contains 0, has the radius ∞ or NaN,
 /// which makes every comparison in a proof false.
+///
+/// Source: the arithmetic of two doubles of Joldes, Muller and Popescu, <https://doi.org/10.1145/3121432>.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BallOf<C> {
     centre: C,

@@ -39,6 +39,10 @@ pub enum Verdict {
 /// Tries to prove that the map has an invariant circle of this rotation number that crosses the ray. It searches the
 /// curve, the widths of the strips, and the numbers of modes and points.
 ///
+/// Source: the scheme of de la Llave, González, Jorba and Villanueva, <https://doi.org/10.1088/0951-7715/18/2/020>, and
+/// of Figueras, Haro and Luque, <https://doi.org/10.1007/s10208-016-9339-3>; the theorem is that of the guide's chapter
+/// on proofs.
+///
 /// # Errors
 /// [`Error::Invalid`] for a map that is not symplectic by the kinds of its steps.
 pub fn prove_circle(map: &PlaneMap, ray: Ray, omega: &NobleNumber) -> Result<Verdict, Error> {

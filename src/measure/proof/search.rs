@@ -46,6 +46,8 @@ fn turns_between(map: &Prepared<'_>, about: [f64; 2], a: [f64; 2], b: [f64; 2]) 
 }
 
 /// The rotation number, in turns per map, of the orbit from `start` about a point, by weighted Birkhoff averages.
+///
+/// Source: Das, Saiki, Sander and Yorke, <https://doi.org/10.1088/1361-6544/aa84c2>.
 pub fn turns_of_orbit(map: &PlaneMap, about: [f64; 2], start: [f64; 2]) -> f64 {
     turns_of(&map.prepared(), about, start)
 }
@@ -362,7 +364,10 @@ fn refine_in_balls(map: &Prepared<'_>, curve: &mut Curve<Ball>, omega: Ball, poi
     before
 }
 
-/// The candidates for a circle of this rotation number that crosses the ray, the most promising first.
+/// The candidates for a circle of this rotation number that crosses the ray, the most promising first: curves that
+/// Newton's method finds from the modes of an orbit.
+///
+/// Source: Figueras, Haro and Luque, <https://doi.org/10.1007/s10208-016-9339-3>.
 ///
 /// # Errors
 /// [`Error::Invalid`] where no orbit on the ray has the rotation number ω, or Newton's method finds no curve.

@@ -1,4 +1,5 @@
-//! The theorem: its hypotheses, checked with rigorous enclosures.
+//! The theorem of the guide's chapter on proofs, an a-posteriori theorem on invariant circles: its hypotheses, checked
+//! with rigorous enclosures.
 
 use super::ball::{Ball, BallCentre, BallOf};
 use super::centre::{Centre, ThreeWords, TwoWords};
