@@ -479,6 +479,11 @@ weights = { kind = "normal", scale = 0.15 }
     let bytes = |out: &str| std::fs::read(path.join(out).join("report.json")).expect("data");
     assert!(run(path, "out/as-run.toml", "again").status.success());
     assert_eq!(bytes("again"), bytes("out"));
+    // Gone on with, it finds the same.
+    let resumed = ["run", "own.toml", "--out", "again", "--resume"];
+    let output = Command::new(program).current_dir(path).args(resumed).output();
+    assert!(output.expect("it starts").status.success());
+    assert_eq!(bytes("again"), bytes("out"));
     for added in [&["--job", "train-one"][..], &["--merge"]] {
         let arguments = [&["run", "own.toml", "--out", "jobs"], added].concat();
         let output = Command::new(program).current_dir(path).args(arguments).output();
@@ -567,6 +572,7 @@ weights = {{ kind = "normal", scale = 0.15 }}
         let output = run(path, "own.toml", name);
         let told = String::from_utf8_lossy(&output.stderr).into_owned();
         assert!(output.status.success(), "{told}");
+        assert_eq!(told.contains("looking for"), name != "given", "{told}");
         let folder = path.join(name).join("own");
         let (text, data) = report(&folder);
         let model = load_model(&folder.join("model.json")).expect("a model").model;
@@ -599,4 +605,16 @@ weights = {{ kind = "normal", scale = 0.15 }}
     let (_, data) = report(&path.join("one/own"));
     let found = data["studies"]["pairs"]["circle_action"].as_array().expect("circles").len();
     assert_eq!(found, 1);
+    // What a training comes to depends on it: other digests of its job.
+    std::fs::write(path.join("own.toml"), scene("")).expect("written");
+    let digest = |scene: &str| {
+        let program = env!("CARGO_BIN_EXE_gyroceptron");
+        let arguments = ["run", scene, "--out", "plan", "--plan", "--no-estimate"];
+        let output = Command::new(program).current_dir(path).args(arguments).output();
+        let lines = String::from_utf8(output.expect("it starts").stdout).expect("text");
+        let jobs = lines.lines().map(|line| serde_json::from_str::<Value>(line).expect("JSON"));
+        let mut of_form = jobs.filter(|job| job["network"] == "form");
+        of_form.next().expect("a training")["digest"].clone()
+    };
+    assert_ne!(digest("own.toml"), digest("one.toml"));
 }

@@ -199,7 +199,7 @@ impl Averaged {
     }
 
     /// z ← its image under the flow, in `count` steps of the averaged equation; z is one point of 2n numbers, or
-    /// several.
+    /// several. Where the average has no closed form and one is asked for, it is NaN.
     ///
     /// # Panics
     /// When `count` is 0, or another number than that of a [splitting](Averaged::split_by); when z is not of whole
@@ -219,9 +219,11 @@ impl Averaged {
         let mut all = vec![AverageConstants::zero(); points];
         for (z, own) in z.chunks_exact_mut(dim).zip(&mut all) {
             self.enter(system, z, space);
-            // Where there is none, what follows is NaN.
-            if let (true, Some(found)) = (self.closed, system.average_constants(z, self.order)) {
-                *own = found;
+            if self.closed {
+                match system.average_constants(z, self.order) {
+                    Some(found) => *own = found,
+                    None => z.fill(S::from_f64(f64::NAN)),
+                }
             }
         }
         match &self.split {
@@ -427,7 +429,8 @@ pub struct AveragedSettings {
     #[serde(default = "sixteen")]
     pub angles: usize,
     /// Whether the closed form of the average is used: the angles then only serve to enter and leave the averaged
-    /// coordinates.
+    /// coordinates. Oscillators, particles and cells have it, of first and second order; particles in their own field of
+    /// first order.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub closed: bool,
     /// The splitting of the closed form, in place of Runge–Kutta steps.

@@ -22,7 +22,7 @@
 //! | scene | chapter |
 //! |---|---|
 //! | `paper`: the paper's experiments | [`paper`] |
-//! | `long-steps`: exact invariants, long steps, twenty rivals | [`long_steps`] |
+//! | `long-steps`: exact invariants, long steps and their rivals | [`long_steps`] |
 //! | `family`, its part `invariant`: what the learnt invariant is worth | [`invariant_worth`] |
 //! | `family`: one network for several ε and flow times | [`family`] |
 //! | `field-lines`, `jolts`: surfaces and islands over 100,000 turns | [`field_lines`] |

@@ -43,7 +43,9 @@ impl Scene {
     fn find_actions(&mut self, observer: &mut dyn Observer) -> Result<(), Error> {
         if let Some(place) = self.setup.of_unknown_action().map(Path::to_owned) {
             let place = place.display().to_string();
-            observer.event(Event::Stage(&format!("looking for the circle action of {place}")));
+            if !self.setup.declares_circles() {
+                observer.event(Event::Stage(&format!("looking for the circle action of {place}")));
+            }
             let mut go_on = || {
                 Ok(match observer.interrupted() {
                     true => Control::Interrupt,
@@ -64,6 +66,12 @@ impl Setup {
         let is_given = matches!(data.circle_action, Some(PairsAction::Circle(_)));
         let is_known = is_given || data.found.is_some();
         data.pairs.as_deref().filter(|_| !is_known)
+    }
+
+    /// Whether several circles are given.
+    fn declares_circles(&self) -> bool {
+        let declared = self.data.as_ref().and_then(|data| data.circle_action.as_ref());
+        matches!(declared, Some(PairsAction::Torus(_)))
     }
 
     fn find_action(

@@ -82,7 +82,7 @@ pub use plan::{Job, JobKind};
 pub use registry::{AnyStudy, Scene};
 pub use report::Report;
 pub use run::run;
-pub use setup::{Data, FlowBy, FoundFromPairs, ModelSpec, PairsAction, Setup};
+pub use setup::{AutoWord, Data, FlowBy, ModelSpec, PairsAction, Setup};
 pub use study::certificate::{CERTIFICATE_HEADINGS, certificate_cells, certificate_table};
 pub use study::training::stop_words;
 

@@ -271,6 +271,8 @@ impl Common<'_> {
             "data": data,
             "reversors": reversors,
             "files": self.files,
+            // It depends on the other networks too.
+            "circles": self.data.found.as_ref().map(|found| &found.torus),
         })
     }
 }

@@ -93,12 +93,12 @@ pub enum PairsAction {
     /// Several circles, each with an angle of its own.
     Torus(TorusAction),
     /// That which the pairs show.
-    Found(FoundFromPairs),
+    Auto(AutoWord),
 }
 
-/// The word for what is found from pairs.
+/// The word that asks for what the pairs show.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum FoundFromPairs {
+pub enum AutoWord {
     /// `"auto"`.
     #[serde(rename = "auto")]
     Auto,

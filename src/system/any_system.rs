@@ -1,6 +1,5 @@
 //! All systems of the crate behind one type.
 
-use super::average::MOST_WAVENUMBER;
 use super::{
     AverageConstants, AveragePart, AveragedOscillator, CellularDrift, FieldLines, FullOrbit,
     Hamiltonian, NearlyPeriodic, Oscillators, ParticleField, ThreeOscillators, VanDerPol,
@@ -192,17 +191,7 @@ impl System {
     /// Whether the average over its circle has a closed form of an order.
     pub(crate) fn has_closed_average(&self, order: usize) -> bool {
         let point = vec![0.5; 2 * self.dof()];
-        let closed = self.average_constants(&point, order).is_some();
-        closed && self.wavenumber() <= MOST_WAVENUMBER
-    }
-
-    /// The wavenumber of the fields of a particle.
-    fn wavenumber(&self) -> f64 {
-        match self {
-            Self::FullOrbit(system) => system.wavenumber,
-            Self::CellularDrift(system) => system.wavenumber,
-            _ => 0.0,
-        }
+        self.average_constants(&point, order).is_some()
     }
 }
 

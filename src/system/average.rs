@@ -19,8 +19,21 @@ pub(super) const QUARTER: [f64; POINTS] = [
     0.09801714032956077,
 ];
 
-/// The largest wavenumber of a closed average: with larger ones the points of a circle may not resolve it.
-pub(super) const MOST_WAVENUMBER: f64 = 2.0;
+/// The largest argument kr of sines and cosines whose means 32 points resolve to 1e-13.
+pub(super) const RESOLVED: f64 = 10.0;
+
+/// The largest argument of those whose products the points resolve, to 1e-10.
+pub(super) const PRODUCTS_RESOLVED: f64 = 6.0;
+
+/// The largest argument of those whose integrals the [harmonics](mean_with_integral) resolve, to 1e-9.
+pub(super) const INTEGRALS_RESOLVED: f64 = 4.0;
+
+/// 0 where an argument is at most this large, NaN beyond.
+#[inline(always)]
+pub(super) fn zero_within<S: Elementary>(most: f64, argument: S) -> S {
+    let known = (S::from_f64(most) - argument).sqrt();
+    S::zero() * known
+}
 
 /// A function of the radius r of a circle, with its first two derivatives.
 #[derive(Clone, Copy, Debug)]
@@ -106,8 +119,8 @@ impl<S: Elementary> Mul for Jet<S> {
     }
 }
 
-/// The radius of the circle of a plane, √(q² + p²), moved off 0 by less than what averages resolve: their derivatives
-/// by the action are taken by its inverse.
+/// The radius of the circle of a plane, √(q² + p²), moved off 0, since derivatives by the action are divided by it:
+/// averages change by 1e-12 at most.
 #[inline(always)]
 pub(super) fn radius<S: Elementary>(q: S, p: S) -> S {
     q.mul_add(q, p.mul_add(p, S::from_f64(1e-12))).sqrt()

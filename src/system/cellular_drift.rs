@@ -116,7 +116,8 @@ impl NearlyPeriodic for CellularDrift {
         S::from_f64(0.5) * z[0].mul_add(z[0], z[2] * z[2])
     }
     /// J₀(√2 kρ) with ρ² = Π_x² + Π_y², and its derivative by ½ρ², as means over the gyration; of second order, with U =
-    /// Y + X and V = Y − X, the coefficients of 1, of cos 2kU + cos 2kV and of sin kU sin kV.
+    /// Y + X and V = Y − X, the coefficients of 1, of cos 2kU + cos 2kV and of sin kU sin kV. NaN where √2 kρ is above
+    /// 10, and of second order above 4.
     #[inline(always)]
     fn average_constants<S: Elementary>(
         &self,
@@ -135,7 +136,9 @@ impl NearlyPeriodic for CellularDrift {
             slope -= S::from_f64(share) * even[i].value();
         }
         let mean = average::mean(&even);
-        let first = [mean.value(), slope, S::zero(), S::zero()];
+        let most = if order == 1 { average::RESOLVED } else { average::INTEGRALS_RESOLVED };
+        let resolved = average::zero_within(most, S::from_f64(wavenumber) * radius);
+        let first = [mean.value() + resolved, slope + resolved, S::zero(), S::zero()];
         if order == 1 {
             return Some(AverageConstants { first, second: None });
         }

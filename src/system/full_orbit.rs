@@ -162,7 +162,8 @@ impl NearlyPeriodic for FullOrbit {
         Some(("v²/2B", self.magnetic_moment(z)))
     }
     /// J₀(kρ), J₁(kρ)/ρ, J₀(2kρ) and J₁(2kρ)/ρ of the gyroradius ρ = |Π|, as means over the gyration; of second order
-    /// the coefficients of 1, cos 2kX, cos 2kY, sin 2kY, cos kX cos kY and cos kX sin kY.
+    /// the coefficients of 1, cos 2kX, cos 2kY, sin 2kY, cos kX cos kY and cos kX sin kY. NaN where kρ is above 5, and of
+    /// second order above 4.
     #[inline(always)]
     fn average_constants<S: Elementary>(
         &self,
@@ -194,8 +195,11 @@ impl NearlyPeriodic for FullOrbit {
             first[3] += two * weight * double;
         }
         let share = S::from_f64(1.0 / POINTS as f64);
+        // The first has the double of the argument, the second products and integrals.
+        let most = if order == 1 { 0.5 * average::RESOLVED } else { average::INTEGRALS_RESOLVED };
+        let resolved = average::zero_within(most, S::from_f64(k) * radius);
         for value in &mut first {
-            *value *= share;
+            *value = share.mul_add(*value, resolved);
         }
         if order == 1 {
             return Some(AverageConstants { first, second: None });

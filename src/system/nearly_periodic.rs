@@ -27,7 +27,7 @@ impl<S: Elementary> AverageConstants<S> {
 pub enum AveragePart {
     /// The part whose flow is taken first: where planes turn in the average, the one that turns them.
     A,
-    /// The rest of the average, apart from part A and what of second order joins them.
+    /// All of the average but the parts A and Cross.
     B,
     /// Of second order what depends on the variables of both: see [`NearlyPeriodic::average_has_cross`].
     Cross,
@@ -79,8 +79,8 @@ pub trait NearlyPeriodic: Hamiltonian {
     /// `out` ← the average, over the circle through z, of the vector field minus that of the limit, in closed form.
     /// It exists where [`NearlyPeriodic::average_constants`] does; elsewhere `out` is NaN.
     ///
-    /// With constants of second order it is the vector field of ⟨H₁⟩ − ½⟨{S, H̃₁}⟩: H̃₁ is what H₁, the Hamiltonian
-    /// minus that of the limit, is more than its average ⟨H₁⟩, and S its integral by the angle over ω₀, of average 0.
+    /// With constants of second order it is the vector field of ⟨H₁⟩ − ½⟨{S, H̃₁}⟩. H₁ is the Hamiltonian minus that of
+    /// the limit, H̃₁ = H₁ − ⟨H₁⟩, and S is the integral of H̃₁ by the angle over ω₀, with average 0.
     #[inline(always)]
     fn averaged_field<S: Elementary>(
         &self,
@@ -103,8 +103,8 @@ pub trait NearlyPeriodic: Hamiltonian {
         false
     }
 
-    /// z ← the exact flow over `time` of a part of the average: of A without its turns, of B, or of what joins them
-    /// (of this part up to the fourth power of ε). The flow turns the
+    /// z ← the exact flow over `time` of a part of the average: of A without its turns, of B, or of Cross, which is
+    /// exact but for terms of ε⁴. The flow turns the
     /// circle through z too; that turn is left out, and its angle is returned. It exists where
     /// [`NearlyPeriodic::average_split`] does; elsewhere z and the angle are NaN.
     #[inline(always)]

@@ -104,7 +104,7 @@ impl NearlyPeriodic for Oscillators {
         S::from_f64(0.5) * z[0].mul_add(z[0], z[2] * z[2])
     }
     /// c = R J₁(2R) with R² = q₁² + p₁² and its derivative by ½R², 2J₀(2R): the mean of q₁ sin 2q₁ over the circle, and
-    /// twice that of cos 2q₁. Of second order −¼ of the derivatives by ½R² of the sum and the difference of the variance
+    /// twice that of cos 2q₁; NaN for radii R above 5, and of second order above 3. Of second order −¼ of the derivatives by ½R² of the sum and the difference of the variance
     /// of q₁ sin 2q₁ and that of q₁ cos 2q₁.
     #[inline(always)]
     fn average_constants<S: Elementary>(
@@ -123,7 +123,9 @@ impl NearlyPeriodic for Oscillators {
         }
         let c = average::mean(&even);
         let slope = slope.times(2.0 / POINTS as f64);
-        let first = [c.value(), slope.value(), S::zero(), S::zero()];
+        let most = if order == 1 { average::RESOLVED } else { average::PRODUCTS_RESOLVED };
+        let resolved = average::zero_within(most, S::from_f64(2.0) * radius);
+        let first = [c.value() + resolved, slope.value() + resolved, S::zero(), S::zero()];
         if order == 1 {
             return Some(AverageConstants { first, second: None });
         }

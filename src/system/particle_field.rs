@@ -195,8 +195,8 @@ impl NearlyPeriodic for ParticleField {
         }
         total
     }
-    /// Nothing, of first order. Of second order the circle, whose modes turn with frequencies in proportion, takes what
-    /// their actions exchange: they are no constants then.
+    /// Zeros, of first order. At second order modes in resonance exchange action, so that the actions are not conserved
+    /// and there is no closed form.
     #[inline(always)]
     fn average_constants<S: Elementary>(
         &self,

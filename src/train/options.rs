@@ -175,7 +175,7 @@ pub struct TrainingOptions {
 }
 
 /// The plain recipe of scenes: a mean squared error, L-BFGS, one set of initial weights, all iterations. What is
-/// recommended for pairs of one's own is `Fit::default().training`.
+/// recommended for your own pairs is `Fit::default().training`.
 impl Default for TrainingOptions {
     fn default() -> Self {
         Self {
