@@ -39,6 +39,7 @@ training = { iterations = 150, loss = { kind = "by-plane" }, optimiser = { kind 
 
 [training]
 iterations = 150
+loss = { kind = "mean-squared-error" }
 optimiser = { kind = "levenberg-marquardt" }
 
 [rollout]
@@ -389,6 +390,7 @@ validation = 0.1
 
 [training]
 iterations = 60
+loss = { kind = "mean-squared-error" }
 optimiser = { kind = "levenberg-marquardt" }
 
 [rollout]
@@ -466,6 +468,28 @@ weights = { kind = "normal", scale = 0.15 }
     assert!(trained(&data).is_array() && trained(&data) == trained(&of_given));
     let notes = data["studies"]["pairs"]["notes"].as_array().expect("notes");
     assert!(notes.len() == 1 && of_given["studies"]["pairs"]["notes"].is_null());
+
+    // What `[training]` does not say is as recommended, not as in other scenes.
+    let bare = scene.replace(
+        "loss = { kind = \"by-plane\" }\noptimiser = { kind = \"levenberg-marquardt\" }\n",
+        "",
+    );
+    assert!(bare != scene);
+    write("bare.toml", &bare);
+    assert!(run(path, "bare.toml", "bare").status.success());
+    let (_, of_bare) = report(&path.join("bare"));
+    assert_eq!(trained(&of_bare), trained(&data));
+    let as_run = std::fs::read_to_string(path.join("bare/as-run.toml")).expect("a scene");
+    assert!(as_run.contains("by-plane") && as_run.contains("plateau"), "{as_run}");
+    let windows =
+        "windows = [{ low = [-1.0, -1.0, -1.0, -1.0], high = [1.0, 1.0, 1.0, 1.0], samples = 40 }]";
+    let of_system = bare.replace("pairs = \"pairs.npz\"", windows);
+    let of_system = "[system]\nkind = \"oscillators\"\nepsilon = 0.01\n\n".to_owned()
+        + &of_system.replace("name = \"own\"\nseed = 3\nflow_time = 0.5\n", "");
+    write("system.toml", &format!("name = \"own\"\nseed = 3\nflow_time = 0.5\n{of_system}"));
+    assert!(run(path, "system.toml", "system").status.success());
+    let as_run = std::fs::read_to_string(path.join("system/as-run.toml")).expect("a scene");
+    assert!(as_run.contains("mean-squared-error") && as_run.contains("l-bfgs"), "{as_run}");
 
     // As `train` has it.
     let train = "train --data pairs.npz --kicks 4x4 --twists 4x4 --starts 1 --iterations 30 --plateau 0 \

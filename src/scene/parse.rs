@@ -5,6 +5,7 @@ use super::nearest::nearest;
 use super::registry::Scene;
 use super::written::to_json;
 use crate::error::Error;
+use crate::train::{Fit, TrainingOptions};
 use serde_json::Value;
 use std::borrow::Cow;
 use toml::de::DeTable;
@@ -33,9 +34,45 @@ pub fn parse(place: &str, text: &str) -> Result<Scene, Error> {
     {
         return Err(unknown(place, text, &key, known.iter().map(String::as_str)));
     }
+    if let Ok(given) = toml::from_str::<toml::Value>(text) {
+        recommend(&mut scene, &given);
+    }
     scene.parts.extend(named);
     scene.check(place)?;
     Ok(scene)
+}
+
+/// Fills in what a scene leaves open of trainings on pairs of a file, in its parts too: a loss by plane, and
+/// Levenberg–Marquardt until it is at rest.
+fn recommend(scene: &mut Scene, given: &toml::Value) {
+    let items = |of: &toml::Value, key: &str| -> Vec<toml::Value> {
+        of.get(key).and_then(toml::Value::as_array).cloned().unwrap_or_default()
+    };
+    for (part, given) in scene.parts.iter_mut().zip(items(given, "parts")) {
+        recommend(part, &given);
+    }
+    if !scene.setup.is_of_file() {
+        return;
+    }
+    let recommended = Fit::default().training;
+    let fill = |training: &mut TrainingOptions, given: Option<&toml::Value>| {
+        let has = |key: &str| given.is_some_and(|given| given.get(key).is_some());
+        if !has("loss") {
+            training.loss = recommended.loss.clone();
+        }
+        if !has("optimiser") {
+            training.optimiser = recommended.optimiser.clone();
+            if !has("plateau") {
+                training.plateau = recommended.plateau;
+            }
+        }
+    };
+    fill(&mut scene.setup.training, given.get("training"));
+    for (model, given) in scene.setup.models.iter_mut().zip(items(given, "models")) {
+        if let Some(training) = &mut model.training {
+            fill(training, given.get("training"));
+        }
+    }
 }
 
 /// The text with its key `scenes` blanked, so that lines stay where they are, and the

@@ -174,7 +174,8 @@ pub struct TrainingOptions {
     pub fresh_twists: Option<FreshTwists>,
 }
 
-/// The plain recipe of scenes: a mean squared error, L-BFGS, one set of initial weights, all iterations. What is
+/// The plain recipe: a mean squared error, L-BFGS, one set of initial weights, all iterations. Scenes have it, but for
+/// loss and optimiser of those on pairs of a file. What is
 /// recommended for your own pairs is `Fit::default().training`.
 impl Default for TrainingOptions {
     fn default() -> Self {

@@ -30,6 +30,7 @@ weights = { kind = "normal", scale = 0.05 }
 
 [training]
 iterations = 60
+loss = { kind = "mean-squared-error" }
 optimiser = { kind = "levenberg-marquardt" }
 
 [frequency_map]

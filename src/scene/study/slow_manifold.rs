@@ -371,7 +371,10 @@ impl SlowManifoldOptions {
     /// The points of the slow manifold, or the error that the system has none.
     fn on_manifold(&self, system: &System) -> Result<Vec<Vec<f64>>, Error> {
         let points = self.on.iter().map(|[q, p]| system.on_slow_manifold(*q, *p));
-        let unknown = || Error::invalid("system", system.kind(), "particle-field");
+        let unknown = || {
+            let expected = "a system whose slow manifold is known, such as particle-field";
+            Error::invalid("system", system.kind(), expected)
+        };
         points.collect::<Option<_>>().ok_or_else(unknown)
     }
 

@@ -814,7 +814,10 @@ impl Gain {
                 let maps = Format::Exponent(1).number(maps);
                 format!("pairs and training pay after {maps} maps")
             }
-            None => "pairs and training pay at no length".into(),
+            None => {
+                "pairs and training pay at no length: at this error the system needs no surrogate"
+                    .into()
+            }
         };
         format!("{error}, where the fastest rival ({rival}) takes {factor} as long; {after}")
     }
