@@ -1833,7 +1833,8 @@ impl NearlyPeriodic for OtherAverage {
     }
 }
 
-/// Constants of first order are Bessel functions of the radius; beyond what the points of a circle resolve they are NaN.
+/// Constants of first order are Bessel functions of the radius; beyond what the points of a circle resolve they are
+/// NaN.
 #[test]
 fn closed_averages_are_of_bessel_functions() {
     let first = |system: &dyn Fn(&[f64], usize) -> Option<AverageConstants>, radius: f64| {

@@ -429,8 +429,8 @@ pub struct AveragedSettings {
     #[serde(default = "sixteen")]
     pub angles: usize,
     /// Whether the closed form of the average is used: the angles then only serve to enter and leave the averaged
-    /// coordinates. Oscillators, particles and cells have it, of first and second order; particles in their own field of
-    /// first order.
+    /// coordinates. Oscillators, particles and cells have it, of first and second order; particles in their own field
+    /// of first order.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub closed: bool,
     /// The splitting of the closed form, in place of Runge–Kutta steps.

@@ -115,9 +115,9 @@ impl NearlyPeriodic for CellularDrift {
     fn adiabatic_invariant<S: Elementary>(&self, z: &[S]) -> S {
         S::from_f64(0.5) * z[0].mul_add(z[0], z[2] * z[2])
     }
-    /// J₀(√2 kρ) with ρ² = Π_x² + Π_y², and its derivative by ½ρ², as means over the gyration; of second order, with U =
-    /// Y + X and V = Y − X, the coefficients of 1, of cos 2kU + cos 2kV and of sin kU sin kV. NaN where √2 kρ is above
-    /// 10, and of second order above 4.
+    /// J₀(√2 kρ) with ρ² = Π_x² + Π_y², and its derivative by ½ρ², as means over the gyration; of second order, with U
+    /// = Y + X and V = Y − X, the coefficients of 1, of cos 2kU + cos 2kV and of sin kU sin kV. NaN where √2 kρ is
+    /// above 10, and of second order above 4.
     #[inline(always)]
     fn average_constants<S: Elementary>(
         &self,

@@ -162,8 +162,8 @@ impl NearlyPeriodic for FullOrbit {
         Some(("v²/2B", self.magnetic_moment(z)))
     }
     /// J₀(kρ), J₁(kρ)/ρ, J₀(2kρ) and J₁(2kρ)/ρ of the gyroradius ρ = |Π|, as means over the gyration; of second order
-    /// the coefficients of 1, cos 2kX, cos 2kY, sin 2kY, cos kX cos kY and cos kX sin kY. NaN where kρ is above 5, and of
-    /// second order above 4.
+    /// the coefficients of 1, cos 2kX, cos 2kY, sin 2kY, cos kX cos kY and cos kX sin kY. NaN where kρ is above 5, and
+    /// of second order above 4.
     #[inline(always)]
     fn average_constants<S: Elementary>(
         &self,
@@ -174,8 +174,8 @@ impl NearlyPeriodic for FullOrbit {
         let radius = average::radius(z[0], z[2]);
         let (one, two) = (S::from_f64(1.0), S::from_f64(2.0));
         let mut first = [S::zero(); 4];
-        // Of H̃₁, as functions of Π_y, the coefficients of cos kX and sin kX, and of Π_x those of cos kY and sin kY, even
-        // and odd each.
+        // Of H̃₁, as functions of Π_y, the coefficients of cos kX and sin kX, and of Π_x those of cos kY and sin kY,
+        // even and odd each.
         let mut of_x = [[Jet::zero(); POINTS]; 2];
         let mut of_y = [[Jet::zero(); POINTS]; 4];
         for i in 0..POINTS {

@@ -104,8 +104,8 @@ impl NearlyPeriodic for Oscillators {
         S::from_f64(0.5) * z[0].mul_add(z[0], z[2] * z[2])
     }
     /// c = R J₁(2R) with R² = q₁² + p₁² and its derivative by ½R², 2J₀(2R): the mean of q₁ sin 2q₁ over the circle, and
-    /// twice that of cos 2q₁; NaN for radii R above 5, and of second order above 3. Of second order −¼ of the derivatives by ½R² of the sum and the difference of the variance
-    /// of q₁ sin 2q₁ and that of q₁ cos 2q₁.
+    /// twice that of cos 2q₁; NaN for radii R above 5, and of second order above 3. Of second order −¼ of the
+    /// derivatives by ½R² of the sum and the difference of the variance of q₁ sin 2q₁ and that of q₁ cos 2q₁.
     #[inline(always)]
     fn average_constants<S: Elementary>(
         &self,

@@ -361,8 +361,8 @@ impl Fit {
         if turns { Ok(network) } else { network.with_size("psi", psi) }
     }
 
-    /// The circle action of the pairs, as a training finds it, and the short trainings that chose it, if there were any.
-    /// Asks `go_on` like [`Fit::prepare_observed`].
+    /// The circle action of the pairs, as a training finds it, and the short trainings that chose it, if there were
+    /// any. Asks `go_on` like [`Fit::prepare_observed`].
     ///
     /// # Errors
     /// Those of [`Fit::prepare_observed`] that concern the circle action and the section.
