@@ -1785,7 +1785,9 @@ fn closed_averages_of_second_order_are_their_definition() {
     let wrong = std::panic::catch_unwind(|| {
         closed_average_is_its_definition(&OtherAverage(particle), "a mutant");
     });
-    assert!(wrong.is_err());
+    let told = wrong.expect_err("rejected");
+    let told = told.downcast_ref::<String>().expect("a message");
+    assert!(told.contains("a mutant, radius"), "{told}");
 }
 
 /// A particle whose closed average is that of a potential a hundredth stronger.
