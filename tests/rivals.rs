@@ -3,15 +3,15 @@
 use super::systems::{assert_order, distance, omega_defect, point};
 use gyroceptron::error::Error;
 use gyroceptron::flow::{
-    Averaged, Integrator, MicroSteps, MultiRevolution, MultiRevolutionSettings, Splitting,
-    StepTable, Stroboscopic, StroboscopicSettings, TableKind, Tableau,
+    Averaged, AveragedSettings, Integrator, MicroSteps, MultiRevolution, MultiRevolutionSettings,
+    Splitting, StepTable, Stroboscopic, StroboscopicSettings, TableKind, Tableau,
 };
 use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::adiabatic::log_slope;
 use gyroceptron::scalar::{DoubleDouble, Dual, Elementary, Real, Scalar, max_or_nan};
 use gyroceptron::system::{
-    AverageConstants, CellularDrift, FieldLines, FullOrbit, Hamiltonian, NearlyPeriodic,
-    Oscillators, System, ThreeOscillators,
+    AverageConstants, CellularDrift, FieldLines, FieldProfile, FullOrbit, Hamiltonian,
+    NearlyPeriodic, Oscillators, ParticleField, System, ThreeOscillators,
 };
 use std::f64::consts::TAU;
 
@@ -287,6 +287,41 @@ fn averaged_equations_of_wrong_coefficients_lose_their_order() {
     for (right, wrong) in right.into_iter().zip(wrong) {
         // Not finite where the other action tears the planes apart.
         assert!(!(wrong >= right - 0.4), "{right} {wrong}");
+    }
+}
+
+/// States that are kept on the way do not change an averaged trajectory: to enter and leave its coordinates for each of
+/// them would move it by ε² each time.
+#[test]
+fn averaged_trajectories_do_not_depend_on_the_states_kept() {
+    let sine = FieldProfile::Sine { amplitude: 0.5, wavenumber: 2.0 };
+    let field = ParticleField { epsilon: 0.02, profiles: vec![sine] };
+    let systems = [
+        (System::Oscillators(Oscillators { epsilon: 0.02 }), 2),
+        (System::FullOrbit(FullOrbit::new(0.02)), 2),
+        (System::CellularDrift(CellularDrift::new(0.02)), 2),
+        (System::ParticleField(field), 1),
+    ];
+    for (system, most) in systems {
+        let initial = match &system {
+            System::ParticleField(field) => point(field.dof(), 3),
+            _ => points(),
+        };
+        for order in 1..=most {
+            for (closed, by) in [(false, None), (true, None), (true, Some(MicroSteps::Aba1064))] {
+                if by.is_some() && matches!(system, System::ParticleField(_)) {
+                    continue;
+                }
+                let by = Integrator::Averaged(AveragedSettings { order, angles: 32, closed, by });
+                let often = by.trajectories(&system, &initial, 2.5, 2, 40).expect("integrates");
+                let once = by.trajectories(&system, &initial, 100.0, 80, 1).expect("integrates");
+                let last = &often[often.len() - initial.len()..];
+                let apart = distance(last, &once);
+                assert!(apart < 1e-9, "{system:?}, {by:?}: {apart:e}");
+                let moved = distance(&once, &initial);
+                assert!(moved > 0.1, "nothing moved: {moved}");
+            }
+        }
     }
 }
 

@@ -28,7 +28,7 @@ use std::f64::consts::TAU;
 /// vector field; in [closed form](NearlyPeriodic::averaged_field) it takes one evaluation of the average, or, where
 /// its Hamiltonian is a sum of parts with exact flows, steps of a splitting. At second order the closed form is that of
 /// a Lie series, whose coordinates differ from W by O(ε²), no more than the errors.
-/// Entering and leaving the averaged coordinates take angles × (order + 1) together.
+/// Entering, W = z − u(z, 0), and leaving the averaged coordinates take one evaluation for each of the angles.
 ///
 /// Source: Sanders, Verhulst and Murdock, <https://doi.org/10.1007/978-0-387-48918-6>, sections 2.8 and 2.9.
 #[derive(Clone, Debug)]
@@ -211,39 +211,47 @@ impl Averaged {
         z: &mut [S],
         count: usize,
     ) {
+        let known = self.enter(system, z);
+        self.advance(system, z, &known, count);
+        self.leave(system, z);
+    }
+
+    /// z ← the averaged points of z. Returns what their averages need in closed form: where there is none, points are
+    /// NaN.
+    #[inline(always)]
+    fn enter<S: Over<f64> + Elementary>(
+        &self,
+        system: &impl NearlyPeriodic,
+        z: &mut [S],
+    ) -> Vec<AverageConstants<S>> {
         let dim = 2 * system.dof();
-        assert!(count > 0 && z.len().is_multiple_of(dim));
-        let points = z.len() / dim;
-        let mut space = vec![S::zero(); (self.turns.len() + 4) * dim + points];
-        let (angles, space) = space.split_at_mut(points);
-        let mut all = vec![AverageConstants::zero(); points];
-        for (z, own) in z.chunks_exact_mut(dim).zip(&mut all) {
-            self.enter(system, z, space);
+        let mut known = vec![AverageConstants::zero(); z.len() / dim];
+        let mut space = vec![S::zero(); (self.turns.len() + 1) * dim];
+        let (fields, slope) = space.split_at_mut(self.turns.len() * dim);
+        for (z, known) in z.chunks_exact_mut(dim).zip(&mut known) {
+            // What is left, u(z, 0) − u(W, 0), is of second order: no more than the error of the method.
+            self.fields(system, z, fields);
+            self.displacement(fields, 0, slope);
+            for i in 0..dim {
+                z[i] -= slope[i];
+            }
             if self.closed {
                 match system.average_constants(z, self.order) {
-                    Some(found) => *own = found,
+                    Some(found) => *known = found,
                     None => z.fill(S::from_f64(f64::NAN)),
                 }
             }
         }
-        match &self.split {
-            Some(split) => {
-                assert!(count == split.count, "{count} steps");
-                split.take(system, z, (&all, angles));
-                for (z, &angle) in z.chunks_exact_mut(dim).zip(&*angles) {
-                    self.turn_circle(z, angle);
-                }
-            }
-            None => {
-                for (z, own) in z.chunks_exact_mut(dim).zip(&all) {
-                    self.runge_kutta(system, z, count, own, space);
-                }
-            }
-        }
+        known
+    }
+
+    /// z ← points from averaged points z.
+    #[inline(always)]
+    fn leave<S: Over<f64> + Elementary>(&self, system: &impl NearlyPeriodic, z: &mut [S]) {
+        let dim = 2 * system.dof();
+        let mut space = vec![S::zero(); (self.turns.len() + 1) * dim];
+        let (fields, slope) = space.split_at_mut(self.turns.len() * dim);
         for z in z.chunks_exact_mut(dim) {
-            self.whole.apply(z, false);
-            let (fields, rest) = space.split_at_mut(self.turns.len() * dim);
-            let slope = &mut rest[..dim];
             self.fields(system, z, fields);
             self.displacement(fields, 0, slope);
             for i in 0..dim {
@@ -252,28 +260,36 @@ impl Averaged {
         }
     }
 
-    /// z ← the averaged point of z.
+    /// Moves averaged points, of which `known` was found on entering, in `count` steps.
     #[inline(always)]
-    fn enter<S: Over<f64> + Elementary>(
+    fn advance<S: Over<f64> + Elementary>(
         &self,
         system: &impl NearlyPeriodic,
         z: &mut [S],
-        space: &mut [S],
+        known: &[AverageConstants<S>],
+        count: usize,
     ) {
-        let dim = z.len();
-        let (fields, rest) = space.split_at_mut(self.turns.len() * dim);
-        let (stage, rest) = rest.split_at_mut(dim);
-        let slope = &mut rest[..dim];
-        stage.copy_from_slice(z);
-        // Each iteration gains a factor of ε: what is left is smaller than the error.
-        for _ in 0..self.order {
-            self.fields(system, stage, fields);
-            self.displacement(fields, 0, slope);
-            for i in 0..dim {
-                stage[i] = z[i] - slope[i];
+        let dim = 2 * system.dof();
+        assert!(count > 0 && z.len().is_multiple_of(dim));
+        match &self.split {
+            Some(split) => {
+                assert!(count == split.count, "{count} steps");
+                let mut angles = vec![S::zero(); known.len()];
+                split.take(system, z, (known, &mut angles));
+                for (z, &angle) in z.chunks_exact_mut(dim).zip(&angles) {
+                    self.turn_circle(z, angle);
+                }
+            }
+            None => {
+                let mut space = vec![S::zero(); (self.turns.len() + 4) * dim];
+                for (z, known) in z.chunks_exact_mut(dim).zip(known) {
+                    self.runge_kutta(system, z, count, known, &mut space);
+                }
             }
         }
-        z.copy_from_slice(stage);
+        for z in z.chunks_exact_mut(dim) {
+            self.whole.apply(z, false);
+        }
     }
 
     /// The circle action with this angle.
@@ -530,9 +546,27 @@ impl NumericalMethod for AveragedSettings {
 }
 
 impl<H: NearlyPeriodic> Method<H> for Averaged {
+    const NATURAL: bool = true;
+    type Known<V: Pack> = AverageConstants<V>;
+
     #[inline(always)]
-    fn take<V: Pack>(&self, system: &H, z: &mut [V], _: f64, steps: usize) {
-        Averaged::take(self, system, z, steps);
+    fn enter<V: Pack>(&self, system: &H, z: &mut [V]) -> Vec<AverageConstants<V>> {
+        Averaged::enter(self, system, z)
+    }
+    #[inline(always)]
+    fn take<V: Pack>(
+        &self,
+        system: &H,
+        z: &mut [V],
+        known: &[AverageConstants<V>],
+        _: f64,
+        steps: usize,
+    ) {
+        self.advance(system, z, known, steps);
+    }
+    #[inline(always)]
+    fn leave<V: Pack>(&self, system: &H, z: &mut [V]) {
+        Averaged::leave(self, system, z);
     }
 }
 
@@ -544,19 +578,29 @@ struct InPlanes {
 
 impl Method<ParticleField> for InPlanes {
     const NATURAL: bool = true;
+    type Known<V: Pack> = AverageConstants<V>;
 
     #[inline(always)]
-    fn take<V: Pack>(&self, _: &ParticleField, z: &mut [V], interval: f64, steps: usize) {
-        Method::take(&self.method, &self.without, z, interval, steps);
-    }
-    #[inline(always)]
-    fn enter<V: Pack>(&self, system: &ParticleField, z: &mut [V]) {
+    fn enter<V: Pack>(&self, system: &ParticleField, z: &mut [V]) -> Vec<AverageConstants<V>> {
         for z in z.chunks_exact_mut(2 * system.dof()) {
             Splittable::enter(system, z);
         }
+        self.method.enter(&self.without, z)
+    }
+    #[inline(always)]
+    fn take<V: Pack>(
+        &self,
+        _: &ParticleField,
+        z: &mut [V],
+        known: &[AverageConstants<V>],
+        _: f64,
+        steps: usize,
+    ) {
+        self.method.advance(&self.without, z, known, steps);
     }
     #[inline(always)]
     fn leave<V: Pack>(&self, system: &ParticleField, z: &mut [V]) {
+        self.method.leave(&self.without, z);
         for z in z.chunks_exact_mut(2 * system.dof()) {
             Splittable::leave(system, z);
         }

@@ -139,8 +139,17 @@ impl NumericalMethod for Boris {
 }
 
 impl Method<FullOrbit> for Boris {
+    type Known<V: Pack> = ();
+
     #[inline(always)]
-    fn take<V: Pack>(&self, system: &FullOrbit, z: &mut [V], interval: f64, steps: usize) {
+    fn take<V: Pack>(
+        &self,
+        system: &FullOrbit,
+        z: &mut [V],
+        _: &[()],
+        interval: f64,
+        steps: usize,
+    ) {
         for z in z.chunks_exact_mut(4) {
             boris(system, z, interval, steps);
         }
@@ -174,8 +183,17 @@ impl NumericalMethod for VelocitySplitting {
 }
 
 impl Method<FullOrbit> for VelocitySplitting {
+    type Known<V: Pack> = ();
+
     #[inline(always)]
-    fn take<V: Pack>(&self, system: &FullOrbit, z: &mut [V], interval: f64, steps: usize) {
+    fn take<V: Pack>(
+        &self,
+        system: &FullOrbit,
+        z: &mut [V],
+        _: &[()],
+        interval: f64,
+        steps: usize,
+    ) {
         for z in z.chunks_exact_mut(4) {
             velocity_splitting(system, z, interval, steps);
         }

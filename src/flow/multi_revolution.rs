@@ -282,8 +282,10 @@ impl NumericalMethod for MultiRevolutionSettings {
 }
 
 impl<H: Splittable> Method<H> for MultiRevolution {
+    type Known<V: Pack> = ();
+
     #[inline(always)]
-    fn take<V: Pack>(&self, system: &H, z: &mut [V], _: f64, steps: usize) {
+    fn take<V: Pack>(&self, system: &H, z: &mut [V], _: &[()], _: f64, steps: usize) {
         MultiRevolution::take(self, system, z, steps);
     }
 }

@@ -54,9 +54,10 @@ impl NumericalMethod for InNaturalCoordinates {
 
 impl<H: NaturalCoordinates> Method<H> for InNaturalCoordinates {
     const NATURAL: bool = true;
+    type Known<V: Pack> = ();
 
     #[inline(always)]
-    fn take<V: Pack>(&self, system: &H, z: &mut [V], interval: f64, steps: usize) {
+    fn take<V: Pack>(&self, system: &H, z: &mut [V], _: &[()], interval: f64, steps: usize) {
         for z in z.chunks_exact_mut(2 * system.dof()) {
             match self.tableau {
                 Some(tableau) => tableau.take_natural(system, z, interval, steps),
@@ -65,10 +66,11 @@ impl<H: NaturalCoordinates> Method<H> for InNaturalCoordinates {
         }
     }
     #[inline(always)]
-    fn enter<V: Pack>(&self, system: &H, z: &mut [V]) {
+    fn enter<V: Pack>(&self, system: &H, z: &mut [V]) -> Vec<()> {
         for z in z.chunks_exact_mut(2 * system.dof()) {
             system.to_natural(z);
         }
+        Vec::new()
     }
     #[inline(always)]
     fn leave<V: Pack>(&self, system: &H, z: &mut [V]) {

@@ -16,16 +16,27 @@ const BLOCK: usize = 4 * WIDTH;
 
 /// A method on lanes, with what it knows before the first step.
 pub(super) trait Method<H>: Sync {
-    /// Moves several points, 2n lanes each, over an interval.
-    fn take<V: Pack>(&self, system: &H, z: &mut [V], interval: f64, steps: usize);
+    /// What is known of a point from its entering on.
+    type Known<V: Pack>;
+
+    /// Moves several points, 2n lanes each, with what is known of them, over an interval.
+    fn take<V: Pack>(
+        &self,
+        system: &H,
+        z: &mut [V],
+        known: &[Self::Known<V>],
+        interval: f64,
+        steps: usize,
+    );
 
     /// Whether it moves points in other coordinates than canonical ones.
     const NATURAL: bool = false;
 
-    /// Several points, from canonical coordinates to those of the method.
+    /// Several points, from canonical coordinates to those of the method, and what is known of each.
     #[inline(always)]
-    fn enter<V: Pack>(&self, system: &H, z: &mut [V]) {
+    fn enter<V: Pack>(&self, system: &H, z: &mut [V]) -> Vec<Self::Known<V>> {
         let _ = (system, z);
+        Vec::new()
     }
 
     /// Several points, from the coordinates of the method to canonical ones.
@@ -210,9 +221,9 @@ impl<H: Hamiltonian, M: Method<H>> Kernel for Trajectories<'_, H, M> {
         for (initial, states) in initial.chunks(together).zip(states.chunks_mut(together * kept)) {
             let size = load_groups(initial, dim, &mut z);
             let z = &mut z[..size];
-            method.enter(system, z);
+            let known = method.enter(system, z);
             for number in 0..kept {
-                method.take(system, z, interval, steps);
+                method.take(system, z, &known, interval, steps);
                 let groups = states.chunks_mut(V::LANES * kept * dim);
                 let canonical = if M::NATURAL {
                     let shown = &mut shown[..size];

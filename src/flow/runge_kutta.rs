@@ -118,8 +118,10 @@ impl NumericalMethod for RungeKutta4 {
 }
 
 impl<H: Hamiltonian> Method<H> for RungeKutta4 {
+    type Known<V: Pack> = ();
+
     #[inline(always)]
-    fn take<V: Pack>(&self, system: &H, z: &mut [V], interval: f64, steps: usize) {
+    fn take<V: Pack>(&self, system: &H, z: &mut [V], _: &[()], interval: f64, steps: usize) {
         for z in z.chunks_exact_mut(2 * system.dof()) {
             runge_kutta_4(system, z, interval, steps);
         }

@@ -236,8 +236,10 @@ impl NumericalMethod for StroboscopicSettings {
 }
 
 impl<H: Splittable> Method<H> for Stroboscopic {
+    type Known<V: Pack> = ();
+
     #[inline(always)]
-    fn take<V: Pack>(&self, system: &H, z: &mut [V], _: f64, steps: usize) {
+    fn take<V: Pack>(&self, system: &H, z: &mut [V], _: &[()], _: f64, steps: usize) {
         Stroboscopic::take(self, system, z, steps);
     }
 }

@@ -231,8 +231,10 @@ struct Explicit {
 }
 
 impl<H: Hamiltonian> Method<H> for Explicit {
+    type Known<V: Pack> = ();
+
     #[inline(always)]
-    fn take<V: Pack>(&self, system: &H, z: &mut [V], interval: f64, steps: usize) {
+    fn take<V: Pack>(&self, system: &H, z: &mut [V], _: &[()], interval: f64, steps: usize) {
         for z in z.chunks_exact_mut(2 * system.dof()) {
             self.tableau.take(system, z, interval, steps);
         }

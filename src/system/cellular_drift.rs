@@ -206,11 +206,15 @@ impl NearlyPeriodic for CellularDrift {
             // sin kU sin kV = ½(cos 2kX − cos 2kY).
             AveragePart::Cross => {
                 let Some([_, _, [a2, b2], ..]) = constants.second else { return S::zero() };
-                let (sin_x, cos_x) = (two * k * z[3]).sin_cos();
-                z[1] -= square * k * a2 * sin_x;
-                let (sin_y, cos_y) = (two * k * z[1]).sin_cos();
-                z[3] -= square * k * a2 * sin_y;
-                return half * square * b2 * (cos_x - cos_y);
+                let of_wave = square * k * a2;
+                // Symmetric: half of the wave of X, that of Y, the other half.
+                let (sin, first_cos) = (two * k * z[3]).sin_cos();
+                z[1] -= half * of_wave * sin;
+                let (sin, cos_y) = (two * k * z[1]).sin_cos();
+                z[3] -= of_wave * sin;
+                let (sin, last_cos) = (two * k * z[3]).sin_cos();
+                z[1] -= half * of_wave * sin;
+                return half * square * b2 * (half * (first_cos + last_cos) - cos_y);
             }
         };
         let half_of = S::from_f64(0.5 * self.epsilon) * time;

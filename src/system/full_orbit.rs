@@ -291,14 +291,22 @@ impl NearlyPeriodic for FullOrbit {
             AveragePart::B => z[1],
             AveragePart::Cross => {
                 let Some([.., [a4, b4], [a5, b5]]) = constants.second else { return S::zero() };
-                let (sin, cos) = (k * (z[3] + z[1])).sin_cos();
-                let moved = half * square * k * (a5 * cos - a4 * sin);
-                (z[1], z[3]) = (z[1] + moved, z[3] - moved);
-                let turned = b4 * cos + b5 * sin;
-                let (sin, cos) = (k * (z[3] - z[1])).sin_cos();
-                let moved = half * square * k * (a4 * sin + a5 * cos);
-                (z[1], z[3]) = (z[1] - moved, z[3] - moved);
-                return half * square * (turned + b4 * cos - b5 * sin);
+                let (half_square, quarter_square) = (half * square, half * half * square);
+                let mut angle = S::zero();
+                // Symmetric: half of the waves of Y + X, those of Y − X, the other half.
+                for first in [true, false] {
+                    let (sin, cos) = (k * (z[3] + z[1])).sin_cos();
+                    let moved = quarter_square * k * (a5 * cos - a4 * sin);
+                    (z[1], z[3]) = (z[1] + moved, z[3] - moved);
+                    angle += quarter_square * (b4 * cos + b5 * sin);
+                    if first {
+                        let (sin, cos) = (k * (z[3] - z[1])).sin_cos();
+                        let moved = half_square * k * (a4 * sin + a5 * cos);
+                        (z[1], z[3]) = (z[1] - moved, z[3] - moved);
+                        angle += half_square * (b4 * cos - b5 * sin);
+                    }
+                }
+                return angle;
             }
         };
         let epsilon = S::from_f64(self.epsilon) * time;
