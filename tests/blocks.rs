@@ -669,6 +669,71 @@ fn files_of_earlier_formats_are_read_to_the_same_bits() {
     }
 }
 
+/// Files of format 3 to 5, of each kind of what came with these: neurons of arctan and turned twists, polynomials, a
+/// reversor; a section; controls. They are read to the same bits, and written again byte for byte.
+#[test]
+fn files_of_this_format_are_read_to_the_same_bits() {
+    let files: [(&str, &str, &[u64]); 5] = [
+        (
+            "format-3-normal-form",
+            "\"version\": 3",
+            &[
+                0x3fe280353d1e9c92,
+                0xbfc99805ad01e014,
+                0x3fb3688d69a135b0,
+                0x3fe66681267c2c7e,
+                0xbfc5ccd035ee0e2a,
+                0x3fd99a634c7c981f,
+                0x3fd808006afd26ea,
+                0xbfd333022d334444,
+            ],
+        ),
+        (
+            "format-3-polynomials",
+            "\"version\": 3",
+            &[0x3fd375751da67798, 0xbfb8999921e50322, 0xbf98780757eb24da, 0x3fd46d79fd5c2090],
+        ),
+        (
+            "format-3-reversible",
+            "\"version\": 3",
+            &[
+                0x3fe27fbcd23d1889,
+                0xbfc9a01af8c4a6be,
+                0x3fb35f79ac00d80c,
+                0x3fe6639e0aca39ba,
+                0xbfc5ceaa3defae66,
+                0x3fd99afe7d004a10,
+                0x3fd8061176a11994,
+                0xbfd338f64221b8e0,
+            ],
+        ),
+        (
+            "format-4-section",
+            "\"version\": 4",
+            &[0x3fd359b95a1ae6a9, 0xbfb7897164566ed5, 0xbf9524b216835c58, 0x3fd449ca6d0ad87c],
+        ),
+        (
+            "format-5-controls",
+            "\"version\": 5",
+            &[0x3fd35e96322a1133, 0xbfba5e1f41837050, 0xbf9266a52cdcf20e, 0x3fd43009bb7f2a84],
+        ),
+    ];
+    let planes = [0.3, 0.1, -0.2, 0.25];
+    let four = [0.3, -0.2, 0.5, 0.7, -0.4, 0.4, 0.1, -0.3];
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/models");
+    for (name, version, bits) in files {
+        let path = folder.join(format!("{name}.json"));
+        let stored = load_model(&path).expect("of this format");
+        let points = if bits.len() == 4 { &planes[..] } else { &four };
+        let moved = stored.rollout(points, Rollout { steps: 1, every: 1 }).expect("finite");
+        let found: Vec<u64> = moved[points.len()..].iter().map(|v| v.to_bits()).collect();
+        assert_eq!(found, bits, "{name}");
+        let text = std::fs::read_to_string(&path).expect("text");
+        assert!(text.contains(version), "{name}");
+        assert_eq!(model_text(&stored).expect("finite"), text, "{name}");
+    }
+}
+
 /// The digest of a model file covers all that it computes with.
 #[test]
 fn an_architecture_that_was_edited_is_refused() {
