@@ -11,7 +11,7 @@ use super::study::training::TrainingStudy;
 use super::study::trust::TrustStudy;
 use crate::error::Error;
 use crate::layer::Reversor;
-use crate::train::{TrainingOptions, TrainingStage};
+use crate::train::{Starts, TrainingOptions, TrainingStage};
 use std::any::Any;
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -211,10 +211,13 @@ impl Scene {
     /// one draw of twists and one seed for each network, orbits of random networks of a tenth of the length and the
     /// longest of a thousandth.
     pub fn quick(mut self) -> Self {
+        // A scene on pairs of a file that says nothing of starts has several.
+        let one = Starts { count: 1, iterations: Starts::TRIAL };
+        let starts = self.setup.is_of_file().then_some(one);
         let fewer = |training: &mut TrainingOptions| {
             let shorter = |iterations: u64| (iterations / 4).max(20).min(iterations);
             training.iterations = shorter(training.iterations);
-            training.starts = None;
+            training.starts = starts;
             for stage in &mut training.ramp {
                 stage.iterations = shorter(stage.iterations);
             }

@@ -42,8 +42,9 @@ pub fn parse(place: &str, text: &str) -> Result<Scene, Error> {
     Ok(scene)
 }
 
-/// Fills in what a scene leaves open of trainings on pairs of a file, in its parts too: a loss by plane, and
-/// Levenberg–Marquardt until it is at rest.
+/// Fills in what a scene leaves open of trainings on pairs of a file, in its parts too: a loss by plane,
+/// Levenberg–Marquardt until it is at rest, and several initial weights, of which `starts = { count = 1, … }` asks for
+/// one.
 fn recommend(scene: &mut Scene, given: &toml::Value) {
     let items = |of: &toml::Value, key: &str| -> Vec<toml::Value> {
         of.get(key).and_then(toml::Value::as_array).cloned().unwrap_or_default()
@@ -65,6 +66,9 @@ fn recommend(scene: &mut Scene, given: &toml::Value) {
             if !has("plateau") {
                 training.plateau = recommended.plateau;
             }
+        }
+        if !has("starts") {
+            training.starts = recommended.starts;
         }
     };
     fill(&mut scene.setup.training, given.get("training"));
