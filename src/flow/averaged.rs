@@ -439,7 +439,7 @@ const BIBTEX: &str = "@book{SandersVerhulstMurdock2007,
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AveragedSettings {
-    /// 1 or 2: over times of 1/ε errors are O(ε) and O(ε²).
+    /// The order of the averaged equation, 1 or 2: over times of 1/ε errors are O(ε) and O(ε²).
     pub order: usize,
     /// The angles of an average.
     #[serde(default = "sixteen")]

@@ -56,7 +56,7 @@ impl PolynomialOnSection {
         Ok(Self { map, section, region })
     }
 
-    /// As [`SymplecticPolynomial::check`].
+    /// Checks the map and its chart, as [`SymplecticPolynomial::check`] does a map without one.
     ///
     /// # Errors
     /// With the part that is not as it should be.

@@ -103,7 +103,7 @@ pub struct Exit<T> {
     pub states: usize,
     /// The number of all kept states.
     pub of: usize,
-    /// The first state outside: its row of the initial points, …
+    /// The row, among the initial points, of the trajectory to which the first state outside belongs, …
     pub row: usize,
     /// … and its number of steps.
     pub step: usize,
@@ -186,8 +186,8 @@ impl<T> Exit<T> {
     }
 }
 
-/// States (T, M, dim), `row` numbers for each time, become NaN from the first on that is not of finite numbers: what has
-/// left a section once is lost, whatever a map makes of it.
+/// States (T, M, dim), `row` numbers for each time, become NaN from the first on that is not of finite numbers: what
+/// has left a section once is lost, whatever a map makes of it.
 pub(crate) fn lose_rest(states: &mut [f64], row: usize, dim: usize) {
     for k in (0..states.len()).step_by(dim) {
         let is_lost = |z: &[f64]| z.iter().any(|v| !v.is_finite());
@@ -207,8 +207,8 @@ impl SectionExit {
         Self::first_of(values.chunks_exact(2 * dof).map(lost), points, every)
     }
 
-    /// In words: which states, and the first of them. Without a section they are those of a polynomial, which has no
-    /// image so far out.
+    /// Says in words which states are outside, and the first of them. Without a section they are those of a polynomial,
+    /// which has no image so far out.
     pub fn describe(&self, has_section: bool) -> String {
         let what =
             if has_section { "the section" } else { "the pairs, where the map has no image" };
@@ -217,7 +217,8 @@ impl SectionExit {
 }
 
 impl RegionExit {
-    /// In words: which states, and the first of them, whose coordinates are those of a section or q and p.
+    /// Says in words which states are outside, and the first of them, whose coordinates are those of a section or q and
+    /// p.
     pub fn describe(&self, region: &Region, has_section: bool) -> String {
         let OutsideRegion { coordinate, value } = self.first;
         let dof = region.low.len() / 2;
@@ -233,7 +234,7 @@ impl RegionExit {
 }
 
 impl PolynomialExit {
-    /// In words: which states, and the first of them.
+    /// Says in words which states are outside, and the first of them.
     pub fn describe(&self) -> String {
         let first = format!("{:.3} times half its width", self.first.reach);
         self.sentence("the model's polynomials, which grow without a bound beyond", &first)

@@ -495,8 +495,8 @@ impl SymplecticPolynomial {
         Ok(())
     }
 
-    /// Points among the pairs: uniform in their box in the frame, shrunk by 1/√(2n) about its middle, and with images
-    /// in that of the images.
+    /// Draws points among the pairs: uniform in their box in the frame, shrunk by 1/√(2n) about its middle, and with
+    /// images in that of the images.
     ///
     /// # Errors
     /// [`Error::CountOutOfRange`] of no points or too many; [`Error::Invalid`] when nearly no points have such images.

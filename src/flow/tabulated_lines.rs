@@ -92,7 +92,7 @@ impl TabulatedLines {
         self.planes.iter().map(|plane| size_of::<f64>() * plane.parameters()).sum()
     }
 
-    /// As [`LineMap::trajectories`].
+    /// Follows lines from points of the section, as [`LineMap::trajectories`] does.
     ///
     /// # Errors
     /// Those of [`LineMap::trajectories`].

@@ -29,7 +29,7 @@ pub struct Checkpoints {
 }
 
 impl Checkpoints {
-    /// Checkpoints in this file. With `resume`, the training goes on from what is there.
+    /// Keeps the checkpoints of a training in this file. With `resume`, the training goes on from what is there.
     pub fn new(file: impl Into<PathBuf>, resume: bool) -> Self {
         Self { file: file.into(), resume, newest: None }
     }

@@ -78,7 +78,7 @@ impl<'a, P: Scalar, const D: usize> AffineCoupling<'a, P, D> {
         Self { dof, width, w_in, b_in, of_scale, of_shift, scale, inverse: false }
     }
 
-    /// W, b, A, a, B and β.
+    /// The weights of the coupling in the order of its parameters: W, b, A, a, B and β.
     pub fn weights(&self) -> [&'a [P]; 6] {
         let Outputs { weights: to_scale, biases: of_scale } = self.of_scale;
         let Outputs { weights: to_shift, biases: of_shift } = self.of_shift;

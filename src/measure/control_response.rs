@@ -180,7 +180,7 @@ fn angle_and_change(z: &[Once; 2], centre: [f64; 2]) -> (f64, f64) {
 /// The derivatives of a periodic orbit with respect to each control.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OrbitResponse {
-    /// dz*/dλ: 2n × controls numbers, row by row.
+    /// How the orbit moves with the controls, dz*/dλ: 2n × controls numbers, row by row.
     pub moved: Vec<f64>,
     /// dTr M/dλ of each control.
     pub traces: Vec<f64>,

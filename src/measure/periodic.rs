@@ -15,7 +15,7 @@ pub struct PeriodicOrbit {
     pub points: Vec<Vec<f64>>,
     /// M, the Jacobian of the map iterated over one period, at the first point: 2n × 2n numbers row by row.
     pub multiplier_matrix: Vec<f64>,
-    /// The closing error: the largest difference of a coordinate after one period.
+    /// The closing error of the orbit, the largest difference of a coordinate after one period.
     pub missed: f64,
 }
 
@@ -39,7 +39,8 @@ impl PeriodicOrbit {
         Err(Error::invalid("guess", found, format!("a point near an orbit of period {period}")))
     }
 
-    /// Tr M. For one degree of freedom an orbit with |Tr M| < 2 is elliptic (nearby points go round it), and one with
+    /// The trace Tr M of the derivative over a period. For one degree of freedom an orbit with |Tr M| < 2 is elliptic
+    /// (nearby points go round it), and one with
     /// |Tr M| > 2 hyperbolic (nearby points leave it).
     pub fn trace(&self) -> f64 {
         let dim = self.points[0].len();

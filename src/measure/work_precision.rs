@@ -337,7 +337,8 @@ pub fn most_accurate<'a>(
 
 /// Methods that compute the same trajectories, to be judged against a reference.
 pub struct TrajectoryMethods<'a> {
-    /// The methods. The result of each is the states at each time: all trajectories, repeated `copies` times.
+    /// The methods that are compared. The result of each is the states at each time: all trajectories, repeated
+    /// `copies` times.
     pub methods: Vec<Method<'a>>,
     /// The states that each should give, 2n numbers a state: (times, trajectories, 2n).
     pub reference: &'a [f64],

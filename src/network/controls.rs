@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ControlRange {
-    /// Its name: letters, digits, `-` and `_`.
+    /// The name of the control, of letters, digits, `-` and `_`.
     pub name: String,
     /// The least value of the control among the pairs.
     pub low: f64,
@@ -176,7 +176,7 @@ impl Controls {
         self.ranges.iter().map(value).collect::<Vec<_>>().join(",")
     }
 
-    /// The middle of each range.
+    /// The values of the controls at the middle of each range.
     pub fn nominal(&self) -> Vec<f64> {
         self.ranges.iter().map(ControlRange::nominal).collect()
     }

@@ -296,7 +296,7 @@ impl<P: Scalar> Model<P> {
         &self.composition
     }
 
-    /// All parameters: see [`Architecture`] for their order.
+    /// All parameters of the network, in the order that [`Architecture`] states.
     pub fn parameters(&self) -> &[P] {
         self.composition.parameters()
     }

@@ -207,7 +207,7 @@ impl Table {
         self.push([name.into(), value.into()]);
     }
 
-    /// Adds a row.
+    /// Adds a row to the table.
     ///
     /// # Panics
     /// When it has not a cell for each column.

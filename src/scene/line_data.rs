@@ -29,7 +29,7 @@ pub enum Coils {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CoilFile {
-    /// The file. A relative path is from the folder of the scene's file.
+    /// The path of the file of coils. A relative path is from the folder of the scene's file.
     pub path: PathBuf,
     /// The current of each coil, in amperes.
     pub currents: Vec<f64>,

@@ -153,7 +153,7 @@ fn unknown_key(place: &str, text: &str, message: &str) -> Option<Error> {
 }
 
 impl CatalogueEntry {
-    /// The scene.
+    /// Reads the built-in scene.
     ///
     /// # Errors
     /// Those of [`parse`]; a test reads them all.

@@ -318,7 +318,7 @@ impl CoilSet {
 pub struct Torsatron {
     /// l, the number of windings.
     pub windings: u32,
-    /// N, the field periods: a multiple of l.
+    /// The number N of field periods, a multiple of l.
     pub periods: u32,
     /// The major radius R₀ of the torus, in metres.
     pub major_radius: f64,
@@ -352,7 +352,7 @@ impl Default for Torsatron {
 }
 
 impl Torsatron {
-    /// Its coils.
+    /// Makes the coils of the machine.
     ///
     /// # Errors
     /// When N is no multiple of l, or a size is not positive or a > R₀.

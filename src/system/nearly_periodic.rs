@@ -16,7 +16,7 @@ pub struct AverageConstants<S = f64> {
 }
 
 impl<S: Elementary> AverageConstants<S> {
-    /// Zeros, of first order.
+    /// Constants of first order that are all zero.
     pub fn zero() -> Self {
         Self { first: [S::zero(); 4], second: None }
     }
@@ -105,7 +105,8 @@ pub trait NearlyPeriodic: Hamiltonian {
 
     /// z ← the exact flow over `time` of a part of the average: of A without its turns, of B, or of Cross, which is
     /// exact but for terms of ε⁶ t³, and symmetric. The flow turns the circle through z too; that turn is left out, and
-    /// its angle is returned. It exists where [`NearlyPeriodic::average_split`] does; elsewhere z and the angle are NaN.
+    /// its angle is returned. It exists where [`NearlyPeriodic::average_split`] does; elsewhere z and the angle are
+    /// NaN.
     #[inline(always)]
     fn flow_of_average<S: Elementary>(
         &self,

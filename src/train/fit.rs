@@ -37,11 +37,11 @@ pub struct Fit {
     /// The circle action of the limit ε = 0. None: it is found from the pairs, for two planes by
     /// short trainings ([`ActionTrial`]).
     pub action: Option<TorusAction>,
-    /// The network. None: a normal form, with a ψ where the limit does not turn the planes.
+    /// The network that is trained. None: a normal form, with a ψ where the limit does not turn the planes.
     pub network: Option<NetworkSpec>,
     /// How its weights are drawn.
     pub weights: InitialWeights,
-    /// ε of the network. None: the largest |ε| of the pairs, with its sign, or 0.01.
+    /// The ε that the network has as a parameter. None: the largest |ε| of the pairs, with its sign, or 0.01.
     pub epsilon: Option<f64>,
     /// The flow time of the network. None: the longest of the pairs, or how far the slow
     /// coordinates move over |ε|, or 1 where the twists are of order one.
@@ -49,7 +49,7 @@ pub struct Fit {
     /// The initial angle of all circles, in radians. None: those of the rotation nearest to the
     /// pairs.
     pub theta: Option<f64>,
-    /// How to train. A ramp takes its stages from pairs of several ε or flow times.
+    /// The options of the training. A ramp takes its stages from pairs of several ε or flow times.
     pub training: TrainingOptions,
     /// The names of the controls that the pairs depend on, and how the network depends on them.
     pub controls: ControlOptions,
@@ -251,7 +251,7 @@ impl FitNote {
         }
     }
 
-    /// What it says on areas.
+    /// What the pairs say on areas that a map keeps.
     pub fn area_defect(&self) -> Option<AreaDefect> {
         match self {
             Self::Form(defect, false) => Some(AreaDefect::Pairs(defect.median)),

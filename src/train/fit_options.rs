@@ -71,8 +71,8 @@ pub struct FitOptions {
     pub radius: Option<f64>,
     /// The reflection by which the network is reversible.
     pub reversor: Option<Reversor>,
-    /// The optimiser. Unless a scene says otherwise, Levenberg–Marquardt comes with its usual plateau and the others
-    /// with none.
+    /// The optimiser of the training. Unless a scene says otherwise, Levenberg–Marquardt comes with its usual plateau
+    /// and the others with none.
     pub optimiser: Option<Optimiser>,
     /// The largest number of iterations, at least 1. Each of several starts takes [`Starts::TRIAL`] of its own first,
     /// whatever this number is.

@@ -27,7 +27,7 @@ pub enum Limit {
     Data,
     /// The loss was still falling.
     Iterations,
-    /// Neither: the network, or the point where its optimiser came to rest.
+    /// Neither pairs nor iterations: the network, or the point where its optimiser came to rest.
     Network,
     /// The loss is at rest, and without held-out pairs nothing says whether more pairs or another network would help.
     Unknown,
@@ -273,7 +273,7 @@ impl Display for Judgement {
 /// Whether to trust a network that was trained on pairs, and why not.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trust {
-    /// The verdict: yes or no, and within which limits.
+    /// The verdict in words, yes or no, and within which limits.
     pub verdict: String,
     /// The error of the plane that decides, in one step.
     pub error: String,

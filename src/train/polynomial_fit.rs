@@ -105,7 +105,7 @@ impl PolynomialFit {
     /// An error that falls by less than this factor is no improvement.
     const BETTER: f64 = 0.9;
 
-    /// The fit. `observe` is shown each degree that was tried, and says whether to go on.
+    /// Fits the polynomial. `observe` is shown each degree that was tried, and says whether to go on.
     ///
     /// # Errors
     /// Those of [`PolynomialOnSection::fit`]; when no degree is given and no pairs are held out; [`Error::Stopped`]

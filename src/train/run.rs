@@ -18,11 +18,11 @@ use std::ops::ControlFlow;
 pub struct Progress<'a> {
     /// The record of the newest iteration.
     pub record: TrainingRecord,
-    /// A checkpoint, when one is due.
+    /// The checkpoint to keep, when one is due.
     pub checkpoint: Option<&'a Checkpoint>,
 }
 
-/// The answer of the caller.
+/// What the caller answers to a report of progress.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Control {
     /// Training goes on.

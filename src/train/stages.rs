@@ -21,11 +21,11 @@ pub struct Starts {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RampStage {
-    /// Its flow time. None: that of the scene. A scene leaves out stages with a longer flow time
-    /// than the final one, and those with the same flow time and the same ε.
+    /// The flow time of the pairs of this stage. None: that of the scene. A scene leaves out stages with a longer flow
+    /// time than the final one, and those with the same flow time and the same ε.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub flow_time: Option<f64>,
-    /// Its ε. None: that of the system.
+    /// The ε of the pairs of this stage. None: that of the system.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub epsilon: Option<f64>,
     /// For a normal form: only the first 1/m of its twist shears are trained, m being this number. The training after

@@ -37,7 +37,7 @@ pub(super) struct Function {
 pub(super) struct Line {
     /// The number that the operation yields.
     pub result: Traced,
-    /// How: a constant of a network is 0 here.
+    /// The operation that yields it. A constant of a network is 0 here.
     pub operation: Operation,
     /// Which number of the table it is.
     pub number: Option<usize>,

@@ -17,14 +17,14 @@ use serde::{Deserialize, Serialize};
 /// A nearly invariant curve, with the strips and points with which the theorem is tried on it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Candidate {
-    /// ω: F(K(φ)) is nearly K(φ + ω).
+    /// The frequency ω of the circle, for which F(K(φ)) is nearly K(φ + ω).
     pub omega: NobleNumber,
     /// c_k of both components for k = 0 … M, K(φ) = Σ_{|k| ≤ M} c_k e^{2πikφ}: real and imaginary parts, each the
     /// sum of two doubles.
     pub modes: Vec<[[f64; 2]; 4]>,
-    /// ρ: the strip |Im φ| ≤ ρ on which the theorem is applied.
+    /// The half-width ρ of the strip |Im φ| ≤ ρ on which the theorem is applied.
     pub rho: f64,
-    /// ρ̂ > ρ: the strip |Im φ| ≤ ρ̂ on which F∘K is shown to be analytic and bounded.
+    /// The half-width ρ̂ > ρ of the strip |Im φ| ≤ ρ̂ on which F∘K is shown to be analytic and bounded.
     pub rho_hat: f64,
     /// The number of points at which F∘K is enclosed, a power of two.
     pub points: usize,
@@ -38,7 +38,7 @@ pub struct Candidate {
 pub struct Constants {
     /// The number of doubles with which the values at points were enclosed: two, or three where two were too few.
     pub words: usize,
-    /// γ: |kω − m| ≥ γ/k.
+    /// The constant γ of the Diophantine condition |kω − m| ≥ γ/k.
     pub gamma: f64,
     /// |F∘K − K(· + ω)| on |Im φ| ≤ ρ.
     pub residual: f64,

@@ -26,7 +26,7 @@ pub(in crate::scene) const CHECKPOINT: &str = "adiabatic-horizon.checkpoint";
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AdiabaticHorizonOptions {
-    /// The values of ε. ε = 0 is run beside them, to show the effect of rounding.
+    /// The values of ε that are compared. ε = 0 is run beside them, to show the effect of rounding.
     pub epsilons: Vec<f64>,
     /// The factors ρ ≥ 1 of the horizons N(ε), ascending.
     pub factors: Vec<f64>,

@@ -43,8 +43,8 @@ const KEPT: usize = 100;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LongStepsOptions {
-    /// The flow times, ascending. At the scene's flow time, its trained networks are taken; at the others, networks are
-    /// trained in the same way.
+    /// The flow times of the maps, ascending. At the scene's flow time, its trained networks are taken; at the others,
+    /// networks are trained in the same way.
     pub flow_times: Vec<f64>,
     /// Whether the first start of each training has the weights of the flow time before, instead of random weights and
     /// of what the training's ramp and fresh twists lead to.
@@ -75,8 +75,8 @@ pub struct LongStepsOptions {
 pub struct IntegratorStepSizes {
     /// The integrator that the networks are compared with.
     pub integrator: Integrator,
-    /// Its steps, as times. For each, the number of steps is the one that comes nearest to a flow time, and at least
-    /// one.
+    /// The steps that the integrator is tried with, as times. For each, the number of steps is the one that comes
+    /// nearest to a flow time, and at least one.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub steps: Vec<f64>,
     /// The largest step of a range, in place of a list of steps.

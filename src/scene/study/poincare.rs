@@ -60,8 +60,8 @@ pub struct PoincareOptions {
     /// which takes long.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reference_planes: Option<Planes>,
-    /// Numbers of maps, ascending. Before each, the distances of points of networks, of polynomials and, up to 10,000
-    /// maps, of planes from the curves of the reference are measured.
+    /// The numbers of maps, ascending, up to which lines are followed. Before each, the distances of points of
+    /// networks, of polynomials and, up to 10,000 maps, of planes from the curves of the reference are measured.
     pub counts: Vec<usize>,
     /// The number of such points of each line.
     pub last: usize,
