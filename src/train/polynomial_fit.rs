@@ -1,6 +1,6 @@
 //! From pairs to a symplectic polynomial.
 
-use super::fit::SURE_DENSITY;
+use super::fit_note::SURE_DENSITY;
 use super::judgement::repeated_inputs;
 use super::{Control, FitNote, MirrorDefect, ReversalDefect};
 use crate::error::Error;

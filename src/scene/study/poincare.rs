@@ -1,11 +1,13 @@
 //! Maps of a section of the field of coils: networks beside polynomials, tabulated planes and tracing.
 
 use super::line_edge::{EDGE, EdgeOptions, MANIFOLDS, edge_of};
+use super::poincare_figures::{ROTATION, SURFACES, rotation_figure, surfaces_figure};
 use super::rollout::orbit_color;
 use super::section_maps::{
     Chain, Judge, Judged, MOST_MAPS_OF_PLANES, NamedMap, OnSymmetryLine, OrbitFound, Resonance,
     SURE, SectionMap,
 };
+use super::section_orbits::{Fixed, OrbitsOf};
 use super::shared::{Study, finite};
 use super::work_precision::MOST_ROUNDS;
 use crate::error::Error;
@@ -26,7 +28,7 @@ use crate::scene::bibliography::{
 };
 use crate::scene::context::{Context, LINES, RunError};
 use crate::scene::declared::Declared;
-use crate::scene::figure::{Axis, Figure, Panel, SameAxes, Series, Style};
+use crate::scene::figure::{Figure, Panel, SameAxes, Series, Style};
 use crate::scene::findings::{Block, Cell, Findings, Format, Section, Table};
 use crate::scene::line_data::TracedLines;
 use crate::scene::setup::{MOST, Need};
@@ -36,8 +38,6 @@ use serde_json::json;
 use std::rc::Rc;
 
 const POINCARE: &str = "poincare";
-const ROTATION: &str = "rotation";
-const SURFACES: &str = "off-surface";
 
 /// Fewer maps determine no rotation, and no curve.
 const LEAST_MAPS: usize = 128;
@@ -725,233 +725,6 @@ fn from_outermost(orbit: &OrbitFound, axis: [f64; 2]) -> Vec<Vec<f64>> {
     let mut points = orbit.points.clone();
     points.rotate_left(nearest.unwrap_or(0));
     points
-}
-
-/// The colour of a method, in all figures; the reference has number 0.
-fn color_of(method: usize) -> usize {
-    method + 1
-}
-
-/// The radii and rotation of the reference and the others: the profile, and by how much it differs.
-fn rotation_figure(lines: &TracedLines, judge: &Judge<'_>, found: &[Judged]) -> Figure {
-    let per_turn = lines.maps_a_turn();
-    let radii = || judge.profile.chunks_exact(2).map(|z| z[0] - judge.axis[0]);
-    let own = radii().zip(&judge.rotation).filter(|(_, found)| found.error <= SURE);
-    let own = own.map(|(r, found)| (r, found.turns.abs() * per_turn)).collect();
-    let mut profile =
-        vec![Series { name: "reference".into(), color: 0, style: Style::Line, points: own }];
-    let mut errors = Vec::new();
-    for (number, one) in found.iter().enumerate().filter(|(_, one)| !one.rotation.is_empty()) {
-        let color = color_of(number);
-        if one.setting.is_none() {
-            let points = radii().zip(&one.rotation).map(|(r, f)| (r, f.turns.abs() * per_turn));
-            profile.push(Series {
-                name: one.name.clone(),
-                color,
-                style: Style::Dots,
-                points: points.collect(),
-            });
-        }
-        let pairs = radii().zip(one.rotation.iter().zip(&judge.rotation));
-        let points = pairs.filter(|(_, (_, own))| own.error <= SURE);
-        let points = points.map(|(r, (a, b))| (r, (a.turns - b.turns).abs() * per_turn)).collect();
-        errors.push(Series { name: one.name.clone(), color, style: Style::Marked, points });
-    }
-    let x_label = "distance from the axis at the start [m]";
-    let sure = judge.rotation.iter().zip(&judge.flux_of_profile);
-    let sure = sure.filter(|(found, _)| found.error <= SURE);
-    let by_flux: Vec<_> =
-        sure.filter_map(|(found, flux)| Some(((*flux)?, found.turns.abs() * per_turn))).collect();
-    let by_flux =
-        Series { name: "reference".into(), color: 0, style: Style::Marked, points: by_flux };
-    let panels = vec![
-        Panel {
-            title: "ι".into(),
-            x_label: x_label.into(),
-            y_label: "|ι|".into(),
-            series: profile,
-            ..Panel::default()
-        },
-        Panel {
-            title: "ι on surfaces".into(),
-            x_label: "toroidal flux within [Wb]".into(),
-            y_label: "|ι|".into(),
-            series: vec![by_flux],
-            ..Panel::default()
-        },
-        Panel {
-            title: "Difference from the reference".into(),
-            x_label: x_label.into(),
-            y_label: "|Δι|".into(),
-            y: Axis::Log,
-            series: errors,
-            ..Panel::default()
-        },
-    ];
-    Figure::in_a_row(ROTATION, "Turns about the axis for one around the machine.", panels)
-}
-
-fn surfaces_figure(found: &[Judged]) -> Figure {
-    let followed = found.iter().enumerate().filter(|(_, one)| !one.off.is_empty());
-    let series = followed.map(|(number, one)| {
-        let points =
-            one.off.iter().filter_map(|(count, _)| Some((*count as f64, one.off_at(*count)?)));
-        let (name, color) = (one.name.clone(), color_of(number));
-        Series { name, color, style: Style::Marked, points: points.collect() }
-    });
-    let panel = Panel {
-        title: "Distance from the surfaces of the reference".into(),
-        x_label: "maps".into(),
-        y_label: "largest of all lines [m]".into(),
-        x: Axis::Log,
-        y: Axis::Log,
-        series: series.collect(),
-        ..Panel::default()
-    };
-    Figure::in_a_row(SURFACES, "How far lines drift off their surfaces.", vec![panel])
-}
-
-/// The magnetic axis and the periodic orbits of a resonance, of the reference and of each map.
-#[derive(Serialize)]
-struct Fixed {
-    resonance: Option<Resonance>,
-    axis: Option<OrbitFound>,
-    chain: Chain,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    on_line: Option<OnSymmetryLine>,
-    found: Vec<OrbitsOf>,
-}
-
-#[derive(Serialize)]
-struct OrbitsOf {
-    name: String,
-    axis: Option<OrbitFound>,
-    chain: Chain,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    on_line: Option<OnSymmetryLine>,
-}
-
-impl Fixed {
-    fn words(&self, lines: &TracedLines) -> String {
-        let axis = match &self.axis {
-            Some(axis) => format!(
-                "The magnetic axis of the coils is at R = {:.9}, Z = {} m, with Tr M = {:.9}.",
-                axis.points[0][0],
-                Format::Exponent(1).number(axis.points[0][1]),
-                axis.trace
-            ),
-            None => "The magnetic axis of the coils is no isolated fixed point.".into(),
-        };
-        let Some(resonance) = self.resonance else {
-            return format!(
-                "{axis} No resonance of the periods that are looked for is in the profile."
-            );
-        };
-        let orbit = |kind: &str, orbit: &Option<OrbitFound>| match orbit {
-            Some(orbit) => format!("{kind} one with residue {:.6e}", orbit.residue),
-            None => format!("{kind} none that differs from a curve of such points"),
-        };
-        let width = match self.chain.width {
-            Some(width) => {
-                let phase = self.chain.phase.unwrap_or(f64::NAN).to_degrees();
-                format!(
-                    "; its island is {:.4} mm wide, and seen from the axis the one nearest to the direction of R is \
-                     {phase:.4}° from it",
-                    1e3 * width
-                )
-            }
-            None if self.chain.centre.is_some() => {
-                "; its island is too narrow to be measured".into()
-            }
-            None => String::new(),
-        };
-        format!(
-            "{axis} Orbits that come back after {} times around it in {} maps, |ι| = {:.6}: {}, {}{width}. They are \
-             found by Newton's method with exact Jacobians, in the field of the coils; small residues leave open where on \
-             their curve they are, and say how much of an error is seen there.",
-            resonance.turns,
-            resonance.maps,
-            resonance.value() * lines.maps_a_turn(),
-            orbit("as a centre", &self.chain.centre),
-            orbit("as a corner", &self.chain.corner)
-        ) + &self.words_of_line()
-    }
-
-    /// What is on the line of symmetry, where the section has one.
-    fn words_of_line(&self) -> String {
-        let Some(on_line) = &self.on_line else { return String::new() };
-        let found = |kind: &str, apart: Option<f64>| match apart {
-            Some(apart) => {
-                format!("a {kind}, {} m from that above", Format::Exponent(1).number(apart))
-            }
-            None => format!("no {kind}"),
-        };
-        let of_reference = match on_line.orbits {
-            0 => "None of this rotation is found on it by the reference.".to_owned(),
-            orbits => format!(
-                "Of this rotation {orbits} {} found on it by the reference; from there Newton's method in the field \
-                 leads to {} and to {}.",
-                if orbits == 1 { "is" } else { "are" },
-                found("centre", on_line.centre),
-                found("corner", on_line.corner)
-            ),
-        };
-        format!(
-            " Orbits that the mirror Z → −Z maps to themselves are looked for on the line Z = 0 without a guess: of an \
-             odd period each has one point there, of an even one two or none. {of_reference} Only reversible maps have \
-             such orbits exactly."
-        )
-    }
-
-    fn table(&self) -> Table {
-        let mut heads = vec![
-            ("method", Format::Exact),
-            ("axis is off by [m]", Format::Exponent(1)),
-            ("its Tr M by", Format::Exponent(1)),
-            ("centre off by [m]", Format::Exponent(1)),
-            ("its Tr M by", Format::Exponent(1)),
-            ("corner off by [m]", Format::Exponent(1)),
-            ("its Tr M by", Format::Exponent(1)),
-            ("island [mm]", Format::Fixed(4)),
-            ("its phase off by [°]", Format::Exponent(1)),
-        ];
-        let has_line = self.on_line.is_some();
-        if has_line {
-            heads.push(("centre from Z = 0 differs by [m]", Format::Exponent(1)));
-            heads.push(("corner", Format::Exponent(1)));
-        }
-        let mut table = Table::new(heads);
-        let compare = |own: &Option<OrbitFound>, other: &Option<OrbitFound>| match (own, other) {
-            (Some(own), Some(other)) => {
-                [Some(own.apart(other)), Some((own.trace - other.trace).abs())]
-            }
-            _ => [None, None],
-        };
-        for of in &self.found {
-            let [axis, trace] = compare(&self.axis, &of.axis);
-            let [centre, of_centre] = compare(&self.chain.centre, &of.chain.centre);
-            let [corner, of_corner] = compare(&self.chain.corner, &of.chain.corner);
-            let phases = self.chain.phase.zip(of.chain.phase);
-            let mut row: Vec<Cell> = vec![
-                of.name.clone().into(),
-                axis.into(),
-                trace.into(),
-                centre.into(),
-                of_centre.into(),
-                corner.into(),
-                of_corner.into(),
-                of.chain.width.map(|width| 1e3 * width).into(),
-                phases.map(|(own, other)| (own - other).abs().to_degrees()).into(),
-            ];
-            if has_line {
-                let on_line = of.on_line.as_ref();
-                row.push(on_line.and_then(|found| found.centre).into());
-                row.push(on_line.and_then(|found| found.corner).into());
-            }
-            table.push(row);
-        }
-        table
-    }
 }
 
 /// Seconds before the first map.
