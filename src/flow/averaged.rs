@@ -152,17 +152,10 @@ impl Averaged {
         assert!(2 * system.dof() <= MOST, "{} degrees of freedom", system.dof());
         assert!(system.torus().1.len() == 1, "no single circle");
         let (action, frequency) = (system.circle_action(), system.limiting_frequency());
-        let share = |k: usize| TAU * k as f64 / angles as f64;
-        // The antiderivative of each harmonic that the angles resolve, at the angle 0.
-        let weight = |k: usize| {
-            let harmonics = 1..=(angles - 1) / 2;
-            let of = |m: usize| libm::sin(share((m * k) % angles)) / m as f64;
-            -2.0 * harmonics.map(of).sum::<f64>() / (angles as f64 * frequency)
-        };
         let frequencies = action.weights().iter().map(|m| f64::from(*m) * frequency).collect();
         Self {
-            turns: (0..angles).map(|k| action.turn_by(share(k))).collect(),
-            weights: (0..angles).map(weight).collect(),
+            turns: (0..angles).map(|k| action.turn_by(TAU * k as f64 / angles as f64)).collect(),
+            weights: integral_weights(angles).into_iter().map(|w| w / frequency).collect(),
             whole: action.turn_by(frequency * time),
             frequencies,
             time,
@@ -419,6 +412,18 @@ impl Averaged {
             }
         }
     }
+}
+
+/// The weights by which values at equally spaced angles, from 0 on, add up to the integral of a function by the angle
+/// at 0, minus its own average and that of the function: exact for the harmonics that the angles resolve.
+pub(crate) fn integral_weights(angles: usize) -> Vec<f64> {
+    let share = |k: usize| TAU * k as f64 / angles as f64;
+    let weight = |k: usize| {
+        let harmonics = 1..=(angles - 1) / 2;
+        let of = |m: usize| libm::sin(share((m * k) % angles)) / m as f64;
+        -2.0 * harmonics.map(of).sum::<f64>() / angles as f64
+    };
+    (0..angles).map(weight).collect()
 }
 
 /// The numbers of a point, of the systems that this is for.

@@ -34,6 +34,7 @@ mod tableau;
 mod tabulated_lines;
 mod trajectories;
 
+pub(crate) use averaged::integral_weights;
 pub use averaged::{Averaged, AveragedSettings};
 pub use charged::{boris, velocity_splitting};
 pub use collocation::GaussLegendreSettings;

@@ -64,7 +64,7 @@ pub use on_grid::{GridMap, GridMove};
 
 /// Adiabatic invariants: their drift, averages, level sets, resonances, and the actions of planes.
 pub mod adiabatic {
-    pub use super::averaging::averaged_invariant;
+    pub use super::averaging::{averaged_invariant, second_averaged_invariant};
     pub use super::drift::{
         FittedLine, Resonance, disturbing_resonance, invariant_drift, invariant_horizon,
         leading_invariant, log_line, log_slope, nearest_resonance, settling_iterations,

@@ -6,7 +6,7 @@ use super::shared::{Study, finite};
 use crate::error::Error;
 use crate::flow::Trajectories;
 use crate::measure::{
-    adiabatic::{averaged_invariant, log_slope},
+    adiabatic::{averaged_invariant, log_slope, second_averaged_invariant},
     timing::root_mean_square_distance,
     trajectories::{drifts, root_mean_square},
 };
@@ -125,7 +125,8 @@ impl Study for FamilyOptions {
              angle (of the first plane that turns) over the roll-outs of the network, against the \
              reference; none where the phase is lost. Invariants are followed over {} points of each of {} trajectories of \
              the reference, of time {}/ε; a change is the root mean square over the trajectories \
-             of the largest |μ − μ(0)|. μ₀ + εμ₁ is the average to first order, by quadrature.",
+             of the largest |μ − μ(0)|. μ₀ + εμ₁ and μ₀ + εμ₁ + ε²μ₂ are averages to first and second order, by \
+             quadrature.",
             self.states,
             self.initial.len(),
             self.slow_time
@@ -181,6 +182,8 @@ struct Invariants {
     #[serde(skip_serializing_if = "Option::is_none")]
     customary: Option<f64>,
     averaged: f64,
+    /// Of the average to second order.
+    averaged_twice: f64,
     /// Of each network, the median of its initial weights; None where it owns none.
     learnt: Vec<Option<f64>>,
     /// That of the worst of them.
@@ -278,6 +281,7 @@ impl FamilyOptions {
                 })
             });
             let averaged = change(along, |z| averaged_invariant(&system, z));
+            let averaged_twice = change(along, |z| second_averaged_invariant(&system, z));
             let of = |of: &BySeed| {
                 let change = |seed: &Rc<Trained>| match seed.lost {
                     Some(_) => None,
@@ -288,7 +292,15 @@ impl FamilyOptions {
             let changes: Vec<MedianAndWorst> = models.iter().map(of).collect();
             let learnt = changes.iter().map(|of| of.median).collect();
             let worst_learnt = changes.iter().map(|of| of.worst).collect();
-            Ok(Invariants { epsilon, leading, customary, averaged, learnt, worst_learnt })
+            Ok(Invariants {
+                epsilon,
+                leading,
+                customary,
+                averaged,
+                averaged_twice,
+                learnt,
+                worst_learnt,
+            })
         })
     }
 }
@@ -368,6 +380,7 @@ impl Results {
         ];
         columns.extend(self.customary.map(|name| (format!("of {name}"), Format::Exponent(2))));
         columns.push(("of μ₀ + εμ₁".to_owned(), Format::Exponent(2)));
+        columns.push(("of μ₀ + εμ₁ + ε²μ₂".to_owned(), Format::Exponent(2)));
         for name in &self.names {
             columns.push((format!("of the invariant of `{name}`"), Format::Exponent(2)));
             if self.most > 1 {
@@ -381,6 +394,7 @@ impl Results {
             let mut row = vec![at.epsilon.into(), at.leading.into()];
             row.extend(at.customary.map(Into::into));
             row.push(at.averaged.into());
+            row.push(at.averaged_twice.into());
             for (learnt, worst) in at.learnt.iter().zip(&at.worst_learnt) {
                 let gain = learnt.map(|learnt| at.customary.unwrap_or(at.leading) / learnt);
                 row.push((*learnt).into());
@@ -402,9 +416,10 @@ impl Results {
     fn words(&self) -> String {
         let order = |order: Option<f64>| order.map_or("none".into(), |order| format!("{order:.2}"));
         let mut out = format!(
-            "Orders in ε of the changes along the reference: μ₀ {}, μ₀ + εμ₁ {}",
+            "Orders in ε of the changes along the reference: μ₀ {}, μ₀ + εμ₁ {}, μ₀ + εμ₁ + ε²μ₂ {}",
             order(self.order(|at| Some(at.leading))),
             order(self.order(|at| Some(at.averaged))),
+            order(self.order(|at| Some(at.averaged_twice))),
         );
         if let Some(name) = self.customary {
             out.push_str(&format!(", {name} {}", order(self.order(|at| at.customary))));
@@ -438,9 +453,12 @@ impl Results {
         let mut changes = vec![
             series("μ₀", self.names.len(), Style::Marked, &|at| Some(at.leading)),
             series("μ₀ + εμ₁", self.names.len() + 1, Style::Marked, &|at| Some(at.averaged)),
+            series("μ₀ + εμ₁ + ε²μ₂", self.names.len() + 2, Style::Marked, &|at| {
+                Some(at.averaged_twice)
+            }),
         ];
         if let Some(name) = self.customary {
-            changes.push(series(name, self.names.len() + 2, Style::Marked, &|at| at.customary));
+            changes.push(series(name, self.names.len() + 3, Style::Marked, &|at| at.customary));
         }
         for (number, name) in self.names.iter().enumerate() {
             changes.push(series(name, number, Style::Marked, &|at| at.learnt[number]));
