@@ -559,6 +559,45 @@ weights = { kind = "normal", scale = 0.15 }
     assert_eq!(output.status.code(), Some(2), "{told}");
 }
 
+/// Ctrl-C ends the search for an action, of a run and of a plan: nothing is left behind, and the same command does all.
+#[cfg(unix)]
+#[test]
+fn the_search_for_an_action_can_be_interrupted() {
+    use std::io::{BufRead, BufReader};
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path();
+    let window = Window { low: vec![-1.0; 4], high: vec![1.0; 4], samples: 6000 };
+    let points = sample(&[window], 2, &mut Stream::new(1, "points")).expect("points");
+    let (pairs, _) = Pairs::of_flow(&Oscillators { epsilon: 0.01 }, points, 0.5).expect("a flow");
+    write_pairs(&path.join("pairs.npz"), &pairs).expect("written");
+    let scene = "name = \"own\"\nseed = 3\nflow_time = 0.5\n[data]\npairs = \"pairs.npz\"\n[training]\niterations = 1\n\
+                 starts = { count = 1, iterations = 1 }\n[[models]]\nname = \"one\"\nnetwork = { kind = \
+                 \"normal-form\", kicks = { count = 1, width = 1 }, twists = { count = 1, width = 1 } }\n\
+                 weights = { kind = \"normal\", scale = 0.15 }\n";
+    std::fs::write(path.join("own.toml"), scene).expect("written");
+    for arguments in [&["--out", "out"][..], &["--out", "out", "--plan", "--no-estimate"]] {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_gyroceptron"));
+        command.current_dir(path).args(["run", "own.toml"]).args(arguments);
+        let mut child = command
+            .stdout(std::process::Stdio::null())
+            .stderr(std::process::Stdio::piped())
+            .spawn()
+            .expect("it starts");
+        let told = BufReader::new(child.stderr.take().expect("a pipe"));
+        let mut told = told.lines().map(|line| line.expect("text"));
+        assert!(told.any(|line| line.contains("looking for the circle action of")));
+        let id = child.id().to_string();
+        let signal = Command::new("kill").args(["-INT", &id]).status();
+        assert!(signal.expect("sent").success());
+        let rest: Vec<String> = told.collect();
+        assert_eq!(child.wait().expect("ends").code(), Some(130), "{rest:?}");
+        assert!(rest.iter().any(|line| line.contains("interrupted")), "{rest:?}");
+        assert!(!path.join("out/model.json").exists() && !path.join("out/jobs").exists());
+        let output = command.stderr(std::process::Stdio::null()).output();
+        assert!(output.expect("it starts").status.success(), "{arguments:?}");
+    }
+}
+
 /// Two planes that turn with frequencies of their own: found in a part, `"auto"`, given, and beside a network of one
 /// circle.
 #[test]

@@ -28,10 +28,17 @@ struct Line<'a> {
 pub fn plan(scene: &Scene, arguments: &Run, path: &Path) -> Result<Status, Error> {
     scene.check_networks(path)?;
     let typed = typed_words();
+    let mut progress = Progress::new();
+    let found = scene.with_found_actions(&mut progress);
+    progress.finish();
+    let Some(scene) = found? else {
+        line("interrupted");
+        return Ok(Status::Interrupted);
+    };
     let jobs = scene.plan()?;
     let seconds = match arguments.no_estimate {
         true => vec![None; jobs.len()],
-        false => scene.estimate(&jobs, &Progress::new()),
+        false => scene.estimate(&jobs, &progress),
     };
     for (job, seconds) in jobs.iter().zip(seconds) {
         let id = (job.kind != JobKind::Merge).then_some(&job.id[..]);

@@ -356,23 +356,34 @@ impl FieldLines {
     /// Writes |B_phi| in tesla, with its value on the axis as `scale`, on a grid of a box a little wider than that of
     /// `points`, (..., 2): a file that `train` takes as its `section`. An existing file is kept unless `overwrite`.
     #[pyo3(signature = (path, points, overwrite=false))]
-    fn write_section(&self, path: PathBuf, points: Rows<'_>, overwrite: bool) -> PyResult<()> {
+    fn write_section(
+        &self,
+        py: Python<'_>,
+        path: PathBuf,
+        points: Rows<'_>,
+        overwrite: bool,
+    ) -> PyResult<()> {
         /// Nodes of the grid along each axis: with them the density is known to some 1e-12.
         const NODES: usize = 65;
         let points = points_of("points", &points, 1)?;
         if path.exists() && !overwrite {
             return Err(Error::FileExists { path }.into());
         }
-        let chart = self.section.chart(&points.values)?;
-        let Some(density) = chart.planes()[0].as_ref() else { return Ok(()) };
-        let grid = |axis: usize| -> Vec<f64> {
-            let (low, high) = (density.low()[axis], density.high()[axis]);
-            (0..NODES).map(|k| low + (high - low) * k as f64 / (NODES - 1) as f64).collect()
-        };
-        let (x, y) = (grid(0), grid(1));
-        let values: Vec<f64> =
-            y.iter().flat_map(|y| x.iter().map(|x| density.density(*x, *y))).collect();
-        Ok(write_section(&path, &x, &y, &values, density.scale(), &[])?)
+        interruptible(py, |pace| {
+            let chart = self.section.chart(&points.values)?;
+            let Some(density) = chart.planes()[0].as_ref() else { return Ok(()) };
+            let grid = |axis: usize| -> Vec<f64> {
+                let (low, high) = (density.low()[axis], density.high()[axis]);
+                (0..NODES).map(|k| low + (high - low) * k as f64 / (NODES - 1) as f64).collect()
+            };
+            let (x, y) = (grid(0), grid(1));
+            let mut values = Vec::with_capacity(NODES * NODES);
+            for y in &y {
+                values.extend(x.iter().map(|x| density.density(*x, *y)));
+                pace.pause("density", NODES)?;
+            }
+            write_section(&path, &x, &y, &values, density.scale(), &[])
+        })
     }
 
     /// The distinct orbits of exactly `period` steps that Newton's method finds from `guesses`, (N, 2n), in metres: a

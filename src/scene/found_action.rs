@@ -12,14 +12,13 @@ use std::path::Path;
 
 impl Scene {
     /// The scene with the circle actions of pairs of files, of its own and of its parts, found from the pairs where it
-    /// names none; None where the observer interrupts.
+    /// names none; None where the observer interrupts. What is found is not written with the scene: it stays as it was
+    /// given. [`run`](super::run()) and [`Scene::plan`] find actions by themselves; of a scene that has them they need
+    /// not.
     ///
     /// # Errors
     /// Those of [`Fit::find_action`], [`Scene::complete`] and of reading files.
-    pub(super) fn with_found_actions(
-        &self,
-        observer: &mut dyn Observer,
-    ) -> Result<Option<Self>, Error> {
+    pub fn with_found_actions(&self, observer: &mut dyn Observer) -> Result<Option<Self>, Error> {
         let mut scene = self.clone();
         if !scene.is_of_unknown_action() {
             return Ok(Some(scene));
