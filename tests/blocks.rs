@@ -672,7 +672,7 @@ fn files_of_earlier_formats_are_read_to_the_same_bits() {
 /// Files of format 3 to 5, of each kind of what came with these: neurons of arctan and turned twists, polynomials, a
 /// reversor; a section; controls. They are read to the same bits, and written again byte for byte.
 #[test]
-fn files_of_this_format_are_read_to_the_same_bits() {
+fn files_of_formats_3_to_5_are_read_to_the_same_bits() {
     let files: [(&str, &str, &[u64]); 5] = [
         (
             "format-3-normal-form",

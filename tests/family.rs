@@ -1,15 +1,11 @@
 //! Pairs of a family of maps, the loss of a network on them, and invariants by averaging.
 
-use gyroceptron::flow::{Pairs, ReferenceTrajectories, Window, sample};
+use gyroceptron::flow::{Pairs, Window, sample};
 use gyroceptron::layer::{CircleAction, TorusAction};
-use gyroceptron::measure::{
-    adiabatic::{averaged_invariant, second_averaged_invariant},
-    trajectories::drifts,
-};
 use gyroceptron::network::{GyroceptronShape, HenonShape, InitialWeights, Model, NormalFormShape};
 use gyroceptron::phase::Map;
 use gyroceptron::random::Stream;
-use gyroceptron::system::{CellularDrift, FullOrbit, NearlyPeriodic, Oscillators, ParticleField};
+use gyroceptron::system::Oscillators;
 use gyroceptron::train::{
     AdamOptions, Control, LbfgsOptions, LevenbergMarquardtOptions, Loss, Objective, Optimiser,
     TrainingOptions, fit_rotation, train,
@@ -340,43 +336,4 @@ fn the_angles_of_circles_are_those_of_the_action_that_they_make() {
     }
     assert_eq!(torus(&[&[0, 1, 1], &[0, 0, 1]]).shared_plane(), Some(2));
     assert_eq!(torus(&[&[0, 1, 0], &[0, 0, 1]]).shared_plane(), None);
-}
-
-/// To first order in ε μ₀ changes, to second and third what averaging makes of it.
-#[test]
-fn averaging_gains_orders() {
-    fn changes<H: NearlyPeriodic + Sync>(system: &H, z: &[f64]) -> [f64; 3] {
-        let time = 2.0 / system.epsilon();
-        let states = 200;
-        let along = ReferenceTrajectories::of_flow(system, z, time / 199.0, states)
-            .expect("converges")
-            .trajectories;
-        let change = |of: &dyn Fn(&[f64]) -> f64| drifts(&along, of)[0].largest;
-        [
-            change(&|z| system.adiabatic_invariant(z)),
-            change(&|z| averaged_invariant(system, z)),
-            change(&|z| second_averaged_invariant(system, z)),
-        ]
-    }
-    let epsilons = [0.02, 0.01];
-    let oscillators = |epsilon| changes(&Oscillators { epsilon }, &[0.9, 0.5, 0.0, 0.1]);
-    let modes = |epsilon| {
-        let z = [-1.0, 0.3, 0.2, 0.8, 0.3, 0.5];
-        changes(&ParticleField::two_modes(epsilon), &z)
-    };
-    let particle = |epsilon| changes(&FullOrbit::new(epsilon), &[0.7, -0.4, 0.5, 0.6]);
-    let cells = |epsilon| changes(&CellularDrift::new(epsilon), &[0.6, 1.0, 0.3, 0.8]);
-    for (name, found) in [
-        ("oscillators", epsilons.map(oscillators)),
-        ("modes", epsilons.map(modes)),
-        ("particle", epsilons.map(particle)),
-        ("cells", epsilons.map(cells)),
-    ] {
-        let orders = [0, 1, 2].map(|k| (found[0][k] / found[1][k]).log2());
-        for (k, order) in orders.into_iter().enumerate() {
-            assert!((order - (k + 1) as f64).abs() < 0.3, "{name}: {orders:?}, {found:?}");
-        }
-        assert!(found[1][1] < 0.1 * found[1][0], "{name}: {found:?}");
-        assert!(found[1][2] < 0.1 * found[1][1] && found[1][2] > 1e-11, "{name}: {found:?}");
-    }
 }

@@ -28,7 +28,8 @@ use std::f64::consts::TAU;
 /// vector field; in [closed form](NearlyPeriodic::averaged_field) it takes one evaluation of the average, or, where
 /// its Hamiltonian is a sum of parts with exact flows, steps of a splitting. At second order the closed form is that of
 /// a Lie series, whose coordinates differ from W by O(ε²), no more than the errors.
-/// Entering, W = z − u(z, 0), and leaving the averaged coordinates take one evaluation for each of the angles.
+/// Entering, W = z − u(z, 0), which is so to O(ε²), and leaving the averaged coordinates each take one evaluation for
+/// each of the angles.
 ///
 /// Source: Sanders, Verhulst and Murdock, <https://doi.org/10.1007/978-0-387-48918-6>, sections 2.8 and 2.9.
 #[derive(Clone, Debug)]
@@ -192,7 +193,8 @@ impl Averaged {
     }
 
     /// z ← its image under the flow, in `count` steps of the averaged equation; z is one point of 2n numbers, or
-    /// several. Where the average has no closed form and one is asked for, it is NaN.
+    /// several. Where the average has no closed form and one is asked for, it is NaN. Each call enters and leaves the
+    /// averaged coordinates, which errs by O(ε²): a long trajectory is one call.
     ///
     /// # Panics
     /// When `count` is 0, or another number than that of a [splitting](Averaged::split_by); when z is not of whole
@@ -263,7 +265,7 @@ impl Averaged {
         count: usize,
     ) {
         let dim = 2 * system.dof();
-        assert!(count > 0 && z.len().is_multiple_of(dim));
+        assert!(count > 0 && z.len() == known.len() * dim);
         match &self.split {
             Some(split) => {
                 assert!(count == split.count, "{count} steps");
@@ -414,8 +416,9 @@ impl Averaged {
     }
 }
 
-/// The weights by which values at equally spaced angles, from 0 on, add up to the integral of a function by the angle
-/// at 0, minus its own average and that of the function: exact for the harmonics that the angles resolve.
+/// The weights by which values of a function at equally spaced angles, from 0 on, add up to the value at 0 of the
+/// antiderivative, with average 0, of the function without its average: exact for the harmonics that the angles
+/// resolve.
 pub(crate) fn integral_weights(angles: usize) -> Vec<f64> {
     let share = |k: usize| TAU * k as f64 / angles as f64;
     let weight = |k: usize| {

@@ -74,7 +74,8 @@ impl Request {
         initial: &[f64],
     ) -> Result<Vec<f64>, Error> {
         let dim = 2 * system.dof();
-        // Between coordinates of its own and canonical ones a state is rounded.
+        // Between coordinates of its own and canonical ones a state is rounded, or moved by as much as the method errs.
+        // So trajectories are not taken in parts, and a stop is heard between groups of points.
         if M::NATURAL {
             return self.run(system, initial, &self.in_lanes(method, system));
         }

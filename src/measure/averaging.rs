@@ -34,8 +34,8 @@ pub fn averaged_invariant(system: &impl NearlyPeriodic, z: &[f64]) -> f64 {
 /// (H(z) − ε⟨H₁⟩(z − u(z)) − ε²K₂(z))/ω + O(ε³)/ω.
 ///
 /// Here H̃₁ = H₁ − ⟨H₁⟩, S is its integral along the limiting flow with average 0, and u is the vector field of εS. Cost:
-/// 128 vector fields and 256 limiting flows with dual numbers, and some 16,000 products of 2n numbers. The vector field
-/// has to be Hamiltonian, in canonical coordinates, and the orbits of the limiting flow circles, as for
+/// 128 vector fields and 256 limiting flows with dual numbers, 16,000 products of 2n numbers, and what
+/// [`averaged_invariant`] takes. The vector field has to be Hamiltonian, in canonical coordinates, and the orbits of the limiting flow circles, as for
 /// [`averaged_invariant`].
 ///
 /// Source: Kruskal, <https://doi.org/10.1063/1.1724285>; by a Lie series: Cary,
@@ -51,22 +51,22 @@ pub fn second_averaged_invariant(system: &impl NearlyPeriodic, z: &[f64]) -> f64
         fields.iter_mut().skip(component).step_by(dim).for_each(|v| *v -= mean);
     }
     let weights = integral_weights(POINTS);
-    let displaced = |k: usize| -> Vec<f64> {
-        let mut sum = vec![0.0; dim];
+    let displaced = |k: usize, sum: &mut [f64]| {
+        sum.fill(0.0);
         for (j, field) in fields.chunks_exact(dim).enumerate() {
             let weight = weights[(j + POINTS - k) % POINTS] / frequency;
             sum.iter_mut().zip(field).for_each(|(sum, v)| *sum += weight * v);
         }
-        sum
     };
-    let second: f64 = (0..POINTS)
-        .map(|k| {
-            let (field, moved) = (&fields[k * dim..(k + 1) * dim], displaced(k));
-            let half = dim / 2;
-            (0..half).map(|j| moved[half + j] * field[j] - moved[j] * field[half + j]).sum::<f64>()
-        })
-        .sum();
-    let near: Vec<f64> = z.iter().zip(displaced(0)).map(|(z, u)| z - u).collect();
+    let mut moved = vec![0.0; dim];
+    let mut second = 0.0;
+    for (k, field) in fields.chunks_exact(dim).enumerate() {
+        displaced(k, &mut moved);
+        let (half, of) = (dim / 2, &moved);
+        second += (0..half).map(|j| of[half + j] * field[j] - of[j] * field[half + j]).sum::<f64>();
+    }
+    displaced(0, &mut moved);
+    let near: Vec<f64> = z.iter().zip(&moved).map(|(z, u)| z - u).collect();
     let of_second = 0.5 * second / POINTS as f64;
     (system.energy(z, 0.0) - average(system, &near) - of_second) / frequency
 }
@@ -96,8 +96,8 @@ fn perturbation_along_circle(system: &impl NearlyPeriodic, z: &[f64], time: f64,
     system.limiting_flow(&mut at, Dual::variable(time, 0));
     let turned: Vec<f64> = at.iter().map(|v| v.re).collect();
     system.vector_field(&turned, 0.0, out);
-    for ((at, limit), v) in at.iter_mut().zip(turned).zip(&*out) {
-        *at = Dual { re: limit, eps: [v - at.eps[0]] };
+    for (at, v) in at.iter_mut().zip(&*out) {
+        at.eps = [v - at.eps[0]];
     }
     system.limiting_flow(&mut at, Dual::constant(-time));
     out.iter_mut().zip(at).for_each(|(out, v)| *out = v.eps[0]);

@@ -369,7 +369,7 @@ impl FieldLines {
         if path.exists() && !overwrite {
             return Err(Error::FileExists { path }.into());
         }
-        interruptible(py, |pace| {
+        interruptible(py, |_| {
             let chart = self.section.chart(&points.values)?;
             let Some(density) = chart.planes()[0].as_ref() else { return Ok(()) };
             let grid = |axis: usize| -> Vec<f64> {
@@ -377,11 +377,8 @@ impl FieldLines {
                 (0..NODES).map(|k| low + (high - low) * k as f64 / (NODES - 1) as f64).collect()
             };
             let (x, y) = (grid(0), grid(1));
-            let mut values = Vec::with_capacity(NODES * NODES);
-            for y in &y {
-                values.extend(x.iter().map(|x| density.density(*x, *y)));
-                pace.pause("density", NODES)?;
-            }
+            let values: Vec<f64> =
+                y.iter().flat_map(|y| x.iter().map(|x| density.density(*x, *y))).collect();
             write_section(&path, &x, &y, &values, density.scale(), &[])
         })
     }

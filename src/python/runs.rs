@@ -150,7 +150,7 @@ struct Line<'a> {
 pub(super) fn _plan(py: Python<'_>, text: &str, estimate: bool) -> PyResult<String> {
     let scene = parse("scene", text)?;
     let found = listening(py, None, None, |watch| scene.with_found_actions(watch))?;
-    let scene = found.unwrap_or(scene);
+    let scene = found.ok_or_else(|| Error::Stopped { what: "plan".into() })?;
     let jobs = scene.plan()?;
     let seconds = match estimate {
         true => listening(py, None, None, |watch| Ok(scene.estimate(&jobs, watch)))?,

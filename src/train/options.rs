@@ -161,7 +161,8 @@ pub struct TrainingOptions {
     /// The number of iterations between two checkpoints.
     pub checkpoint_every: u64,
     /// Several sets of initial weights, of which the best is trained further: see
-    /// [`train_schedule`](super::train_schedule).
+    /// [`train_schedule`](super::train_schedule). None, and a count of 1: one set. A scene on pairs of a file that does
+    /// not say has as many as [`Fit`](super::Fit).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub starts: Option<Starts>,
     /// Problems with other flow times or ε that are trained first, one after another. The weights
@@ -289,10 +290,15 @@ impl TrainingOptions {
         self.optimiser.check()
     }
 
+    /// The sets of initial weights that are tried, if there are several.
+    pub(super) fn several_starts(&self) -> Option<Starts> {
+        self.starts.filter(|starts| starts.count > 1)
+    }
+
     /// Fails if the options ask for several stages.
     pub(crate) fn check_single(&self) -> Result<(), Error> {
         let expected = "none: several stages are trained by `train_schedule`";
-        if let Some(starts) = self.starts {
+        if let Some(starts) = self.several_starts() {
             return Err(Error::invalid("training.starts", starts.count, expected));
         }
         match self.ramp.len() {

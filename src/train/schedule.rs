@@ -68,7 +68,7 @@ impl TrainingStage {
 
     /// All stages of a training with these options, in their order.
     pub fn all(options: &TrainingOptions) -> Vec<Self> {
-        let starts = options.starts.map_or(0, |starts| starts.count);
+        let starts = options.several_starts().map_or(0, |starts| starts.count);
         let stages = (0..options.ramp.len()).map(Self::Ramp);
         let twists = options.fresh_twists.map_or(0, |fresh| fresh.count + 1);
         let twists = (0..twists).map(Self::Twists);
@@ -78,7 +78,7 @@ impl TrainingStage {
     /// Its largest number of iterations; 0 where the options have no such stage.
     pub fn iterations(self, options: &TrainingOptions) -> u64 {
         match self {
-            Self::Start(_) => options.starts.map_or(0, |starts| starts.iterations),
+            Self::Start(_) => options.several_starts().map_or(0, |starts| starts.iterations),
             Self::Ramp(number) => options.ramp.get(number).map_or(0, |stage| stage.iterations),
             Self::Twists(_) => options.fresh_twists.map_or(0, |fresh| fresh.iterations),
             Self::Last => options.iterations,
@@ -177,7 +177,7 @@ pub fn train_schedule(
         parts.at(at.epsilon, at.time)
     };
     let mut trial: Option<Checkpoint> = None;
-    if let Some(starts) = options.starts {
+    if let Some(starts) = options.several_starts() {
         let mut best: Option<(f64, u64, Model, Option<Checkpoint>)> = None;
         for number in 0..starts.count {
             let begun = start(number)?;
@@ -220,7 +220,7 @@ pub fn train_schedule(
     }
     let mut options = options.clone();
     if let Some(fresh) = options.fresh_twists {
-        let unused = options.starts.map_or(1, |starts| starts.count);
+        let unused = options.several_starts().map_or(1, |starts| starts.count);
         let mut draw = |number: u64| match number {
             0 => Ok(model.clone()),
             _ => start(unused + number - 1)?.with_angles(model.angles()),
