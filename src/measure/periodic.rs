@@ -40,8 +40,7 @@ impl PeriodicOrbit {
     }
 
     /// The trace Tr M of the derivative over a period. For one degree of freedom an orbit with |Tr M| < 2 is elliptic
-    /// (nearby points go round it), and one with
-    /// |Tr M| > 2 hyperbolic (nearby points leave it).
+    /// (nearby points go round it), and one with |Tr M| > 2 hyperbolic (nearby points leave it).
     pub fn trace(&self) -> f64 {
         let dim = self.points[0].len();
         (0..dim).map(|k| self.multiplier_matrix[k * (dim + 1)]).sum()
