@@ -454,6 +454,7 @@ trajectories = "t.npy"
 iterations = 25
 loss = { kind = "by-plane" }
 optimiser = { kind = "levenberg-marquardt" }
+starts = { count = 1, iterations = 40 }
 
 [rollout]
 steps = 50

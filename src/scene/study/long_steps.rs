@@ -902,20 +902,26 @@ impl Results<'_> {
             ..work_precision_panel("µs for unit time", methods, MICRO)
         };
         let is_network = |method: &&WorkPrecision| method.setting.is_none();
-        let long: Vec<WorkPrecision> = self
+        // What has lost the points altogether would make all other curves flat.
+        let drawn = |methods: Vec<&WorkPrecision>, lost: f64| -> Vec<WorkPrecision> {
+            let near = |method: &&&WorkPrecision| method.error.is_none_or(|e| e <= 4.0 * lost);
+            methods.iter().filter(near).copied().cloned().collect()
+        };
+        let long: Vec<&WorkPrecision> = self
             .times
             .iter()
             .flat_map(|at| at.trajectories.methods.iter().filter(is_network))
             .chain(last.trajectories.methods.iter().filter(|method| !is_network(method)))
-            .cloned()
             .collect();
+        let long = drawn(long, last.trajectories.lost());
+        let one_step = drawn(last.one_step.methods.iter().collect(), last.one_step.lost());
         Figure::in_a_row(
             METHODS,
             "Error against run time on this machine, one thread, trajectories together: a point for each number of \
              steps or nodes, and for each flow time of a network over the trajectories; lines from quartile to quartile. Lower \
-             and further left is better.",
+             and further left is better. What is further off than twice the size of the points is not drawn.",
             vec![
-                panel(format!("one step of time {}", last.flow_time), &last.one_step.methods),
+                panel(format!("one step of time {}", last.flow_time), &one_step),
                 panel(format!("trajectories of time {}", self.options.duration), &long),
             ],
         )
