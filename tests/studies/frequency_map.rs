@@ -32,6 +32,7 @@ weights = { kind = "normal", scale = 0.05 }
 iterations = 60
 loss = { kind = "mean-squared-error" }
 optimiser = { kind = "levenberg-marquardt" }
+starts = { count = 1, iterations = 40 }
 
 [frequency_map]
 low = [0.02, 0.03]
