@@ -33,10 +33,10 @@ pub fn averaged_invariant(system: &impl NearlyPeriodic, z: &[f64]) -> f64 {
 ///
 /// (H(z) − ε⟨H₁⟩(z − u(z)) − ε²K₂(z))/ω + O(ε³)/ω.
 ///
-/// Here H̃₁ = H₁ − ⟨H₁⟩, S is its integral along the limiting flow with average 0, and u is the vector field of εS. Cost:
-/// 128 vector fields and 256 limiting flows with dual numbers, 16,000 products of 2n numbers, and what
-/// [`averaged_invariant`] takes. The vector field has to be Hamiltonian, in canonical coordinates, and the orbits of the limiting flow circles, as for
-/// [`averaged_invariant`].
+/// Here H̃₁ = H₁ − ⟨H₁⟩, S is its integral along the limiting flow with average 0, and u is the vector field of εS.
+/// Cost: 128 vector fields and 256 limiting flows with dual numbers, 16,000 products of 2n numbers, and what
+/// [`averaged_invariant`] takes. The vector field has to be Hamiltonian, in canonical coordinates, and the orbits
+/// of the limiting flow circles, as for [`averaged_invariant`].
 ///
 /// Source: Kruskal, <https://doi.org/10.1063/1.1724285>; by a Lie series: Cary,
 /// <https://doi.org/10.1016/0370-1573(81)90175-7>.
