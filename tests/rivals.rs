@@ -11,7 +11,7 @@ use gyroceptron::measure::adiabatic::log_slope;
 use gyroceptron::scalar::{DoubleDouble, Dual, Elementary, Real, Scalar, max_or_nan};
 use gyroceptron::system::{
     AverageConstants, CellularDrift, FieldLines, FieldProfile, FullOrbit, Hamiltonian,
-    NearlyPeriodic, Oscillators, ParticleField, System, ThreeOscillators,
+    NearlyPeriodic, Oscillators, ParticleField, System, ThreeOscillators, VanDerPol,
 };
 use std::f64::consts::TAU;
 
@@ -300,6 +300,7 @@ fn averaged_trajectories_do_not_depend_on_the_states_kept() {
         (System::Oscillators(Oscillators { epsilon: 0.02 }), 2),
         (System::FullOrbit(FullOrbit::new(0.02)), 2),
         (System::CellularDrift(CellularDrift::new(0.02)), 2),
+        (System::VanDerPol(VanDerPol::new(0.02)), 2),
         (System::ParticleField(field), 1),
     ];
     for (system, most) in systems {
@@ -307,9 +308,10 @@ fn averaged_trajectories_do_not_depend_on_the_states_kept() {
             System::ParticleField(field) => point(field.dof(), 3),
             _ => points(),
         };
+        let is_split = !matches!(system, System::ParticleField(_) | System::VanDerPol(_));
         for order in 1..=most {
             for (closed, by) in [(false, None), (true, None), (true, Some(MicroSteps::Aba1064))] {
-                if by.is_some() && matches!(system, System::ParticleField(_)) {
+                if by.is_some() && !is_split {
                     continue;
                 }
                 let by = Integrator::Averaged(AveragedSettings { order, angles: 32, closed, by });

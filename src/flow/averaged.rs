@@ -7,12 +7,13 @@ use super::splitting::MicroSteps;
 use super::stroboscopic::StroboscopicSettings;
 use crate::error::Error;
 use crate::layer::Turn;
-use crate::scalar::{Elementary, Over, Pack};
+use crate::scalar::{Elementary, Over, Pack, Task};
 use crate::system::{
     AverageConstants, AveragePart, Hamiltonian, NearlyPeriodic, ParticleField, Splittable, System,
 };
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
+use std::iter;
 
 /// The flow by the averaged equation, for a system whose limit ε = 0 rotates coordinate planes along one circle.
 ///
@@ -53,15 +54,21 @@ pub struct Averaged {
 /// Steps of a splitting of the closed average.
 #[derive(Clone, Debug)]
 struct Split {
-    splitting: Splitting,
     count: usize,
-    step: f64,
-    /// The turns of A after each flow of B but the last of a step.
-    turns: Vec<Turn<f64>>,
-    /// Whether what joins A and B is taken, before and after each step.
-    cross: bool,
-    /// The turn of A at the beginning and at the end, and that between two steps.
-    ends: [Turn<f64>; 2],
+    /// The flows before the first step, in a step, between two steps, and after the last step.
+    first: Vec<PartFlow>,
+    within: Vec<PartFlow>,
+    between: Vec<PartFlow>,
+    last: Vec<PartFlow>,
+}
+
+/// The flow of a part of the closed average.
+#[derive(Clone, Debug)]
+struct PartFlow {
+    part: AveragePart,
+    time: f64,
+    /// The turn of planes that part A has beside its flow.
+    turn: Option<Turn<f64>>,
 }
 
 impl Split {
@@ -69,19 +76,30 @@ impl Split {
         frequencies: &[f64],
         splitting: Splitting,
         (count, step): (usize, f64),
-        cross: bool,
+        has_cross: bool,
     ) -> Self {
-        let turn = |a: f64| {
-            let angles: Vec<f64> = frequencies.iter().map(|w| w * (a * step)).collect();
-            Turn::by_angles(&angles)
+        let of_a = |time: f64| {
+            let angles: Vec<f64> = frequencies.iter().map(|w| w * time).collect();
+            PartFlow { part: AveragePart::A, time, turn: Some(Turn::by_angles(&angles)) }
         };
+        let of = |part: AveragePart, time: f64| PartFlow { part, time, turn: None };
+        let cross = |share: f64| has_cross.then(|| of(AveragePart::Cross, share * step));
+        let end = || of_a(splitting.a(0) * step);
+        let between = match cross(1.0) {
+            Some(cross) => vec![end(), cross, end()],
+            None => vec![of_a(2.0 * splitting.a(0) * step)],
+        };
+        let within = (0..splitting.stages).flat_map(|i| {
+            let last = i + 1 == splitting.stages;
+            let then = (!last).then(|| of_a(splitting.a(i + 1) * step));
+            iter::once(of(AveragePart::B, splitting.b(i) * step)).chain(then)
+        });
         Self {
             count,
-            step,
-            turns: (1..splitting.stages).map(|i| turn(splitting.a(i))).collect(),
-            cross,
-            ends: [turn(splitting.a(0)), turn(2.0 * splitting.a(0))],
-            splitting,
+            first: cross(0.5).into_iter().chain([end()]).collect(),
+            within: within.collect(),
+            between,
+            last: iter::once(end()).chain(cross(0.5)).collect(),
         }
     }
 
@@ -93,46 +111,23 @@ impl Split {
         z: &mut [S],
         (constants, angles): (&[AverageConstants<S>], &mut [S]),
     ) {
-        let (stages, count) = (self.splitting.stages, self.count);
-        let end = self.splitting.a(0) * self.step;
         let dim = 2 * system.dof();
-        for number in 0..=count {
-            // Between the last B of a step and the first of the next one.
-            let inner = number > 0 && number < count;
-            let joined = inner && !self.cross;
-            let (turn, time) =
-                if joined { (&self.ends[1], 2.0 * end) } else { (&self.ends[0], end) };
-            let time = S::from_f64(time);
-            for ((z, constants), angle) in z.chunks_exact_mut(dim).zip(constants).zip(&mut *angles)
-            {
-                if number > 0 {
-                    turn.apply(z, false);
-                    *angle += system.flow_of_average(AveragePart::A, z, constants, time);
-                }
-                if self.cross {
-                    let time = S::from_f64(if inner { self.step } else { 0.5 * self.step });
-                    *angle += system.flow_of_average(AveragePart::Cross, z, constants, time);
-                }
-                if number == 0 || inner && !joined {
-                    turn.apply(z, false);
-                    *angle += system.flow_of_average(AveragePart::A, z, constants, time);
-                }
-            }
-            if number == count {
-                break;
-            }
-            for i in 0..stages {
-                let kick = S::from_f64(self.splitting.b(i) * self.step);
-                let flow = S::from_f64(self.splitting.a(i + 1) * self.step);
-                let last = i + 1 == stages;
-                for ((z, constants), angle) in
-                    z.chunks_exact_mut(dim).zip(constants).zip(&mut *angles)
-                {
-                    *angle += system.flow_of_average(AveragePart::B, z, constants, kick);
-                    if !last {
-                        self.turns[i].apply(z, false);
-                        *angle += system.flow_of_average(AveragePart::A, z, constants, flow);
+        // One call in the source, since each is compiled for all parts.
+        for k in 0..=2 * self.count {
+            let flows = match k {
+                0 => &self.first,
+                _ if k == 2 * self.count => &self.last,
+                _ if k.is_multiple_of(2) => &self.between,
+                _ => &self.within,
+            };
+            for PartFlow { part, time, turn } in flows {
+                let time = S::from_f64(*time);
+                let points = z.chunks_exact_mut(dim).zip(constants).zip(&mut *angles);
+                for ((z, constants), angle) in points {
+                    if let Some(turn) = turn {
+                        turn.apply(z, false);
                     }
+                    *angle += system.flow_of_average(*part, z, constants, time);
                 }
             }
         }
@@ -276,7 +271,7 @@ impl Averaged {
                 }
             }
             None => {
-                let mut space = vec![S::zero(); (self.turns.len() + 4) * dim];
+                let mut space = vec![S::zero(); (2 * self.turns.len() + 3) * dim];
                 for (z, known) in z.chunks_exact_mut(dim).zip(known) {
                     self.runge_kutta(system, z, count, known, &mut space);
                 }
@@ -310,9 +305,9 @@ impl Averaged {
     ) {
         let dim = z.len();
         let (fields, rest) = space.split_at_mut(self.turns.len() * dim);
+        let (moved, rest) = rest.split_at_mut(self.turns.len() * dim);
         let (stage, rest) = rest.split_at_mut(dim);
-        let (sum, rest) = rest.split_at_mut(dim);
-        let (slope, moved) = rest.split_at_mut(dim);
+        let (sum, slope) = rest.split_at_mut(dim);
         let h = self.time / count as f64;
         for _ in 0..count {
             sum.fill(S::zero());
@@ -320,7 +315,7 @@ impl Averaged {
             for (advance, weight) in [(0.5, 1.0), (0.5, 2.0), (1.0, 2.0), (0.0, 1.0)] {
                 match self.closed {
                     true => system.averaged_field(stage, constants, slope),
-                    false => self.slope(system, stage, fields, slope, moved),
+                    false => self.slope(system, stage, (&mut *fields, &mut *moved), slope),
                 }
                 for i in 0..dim {
                     sum[i] = S::from_f64(weight).mul_add(slope[i], sum[i]);
@@ -333,40 +328,15 @@ impl Averaged {
         }
     }
 
-    /// `out` ← f(w, φ) at the angle number k.
-    #[inline(always)]
-    fn field<S: Over<f64> + Elementary>(
-        &self,
-        system: &impl NearlyPeriodic,
-        k: usize,
-        w: &mut [S],
-        out: &mut [S],
-    ) {
-        self.turns[k].apply(w, false);
-        system.vector_field(w, 0.0, out);
-        let (q, p) = w.split_at(self.frequencies.len());
-        for (j, &frequency) in self.frequencies.iter().enumerate() {
-            let frequency = S::from_f64(frequency);
-            out[j] -= frequency * p[j];
-            out[q.len() + j] += frequency * q[j];
-        }
-        self.turns[k].apply(out, true);
-    }
-
-    /// `fields` ← f(w, φ) at all the angles.
+    /// `out` ← f(w, φ) at all the angles, with one point w or one for each angle.
     #[inline(always)]
     fn fields<S: Over<f64> + Elementary>(
         &self,
         system: &impl NearlyPeriodic,
-        w: &[S],
-        fields: &mut [S],
+        points: &[S],
+        out: &mut [S],
     ) {
-        let mut turned = [S::zero(); MOST];
-        let turned = &mut turned[..w.len()];
-        for (k, field) in fields.chunks_exact_mut(w.len()).enumerate() {
-            turned.copy_from_slice(w);
-            self.field(system, k, turned, field);
-        }
+        S::outlined(Fields { method: self, system, points, out });
     }
 
     /// `out` ← u(W, φ) at the angle number k, from f at all of them.
@@ -388,30 +358,59 @@ impl Averaged {
         &self,
         system: &impl NearlyPeriodic,
         w: &[S],
-        fields: &mut [S],
+        (fields, moved): (&mut [S], &mut [S]),
         slope: &mut [S],
-        moved: &mut [S],
     ) {
         let dim = w.len();
-        self.fields(system, w, fields);
-        slope.fill(S::zero());
-        let share = S::from_f64(1.0 / self.turns.len() as f64);
-        let mut at = [S::zero(); MOST];
-        for k in 0..self.turns.len() {
-            let of = &fields[k * dim..(k + 1) * dim];
-            let field = if self.order == 2 {
+        let one = &mut moved[..dim];
+        one.copy_from_slice(w);
+        self.fields(system, one, fields);
+        if self.order == 2 {
+            for (k, moved) in moved.chunks_exact_mut(dim).enumerate() {
                 self.displacement(fields, k, moved);
                 for i in 0..dim {
                     moved[i] += w[i];
                 }
-                self.field(system, k, moved, &mut at[..dim]);
-                &at[..dim]
-            } else {
-                of
-            };
+            }
+            self.fields(system, moved, fields);
+        }
+        slope.fill(S::zero());
+        let share = S::from_f64(1.0 / self.turns.len() as f64);
+        for field in fields.chunks_exact(dim) {
             for i in 0..dim {
                 slope[i] = share.mul_add(field[i], slope[i]);
             }
+        }
+    }
+}
+
+/// The fields of [`Averaged::fields`]: a function of its own, since it is called from many places.
+struct Fields<'a, H, S> {
+    method: &'a Averaged,
+    system: &'a H,
+    points: &'a [S],
+    out: &'a mut [S],
+}
+
+impl<H: NearlyPeriodic, S: Over<f64> + Elementary> Task for Fields<'_, H, S> {
+    #[inline(always)]
+    fn run(self) {
+        let Self { method: Averaged { turns, frequencies, .. }, system, points, out } = self;
+        let dim = 2 * system.dof();
+        let stride = if points.len() == dim { 0 } else { dim };
+        let mut turned = [S::zero(); MOST];
+        let turned = &mut turned[..dim];
+        for (k, (turn, out)) in turns.iter().zip(out.chunks_exact_mut(dim)).enumerate() {
+            turned.copy_from_slice(&points[k * stride..][..dim]);
+            turn.apply(turned, false);
+            system.vector_field(turned, 0.0, out);
+            let (q, p) = turned.split_at(frequencies.len());
+            for (j, &frequency) in frequencies.iter().enumerate() {
+                let frequency = S::from_f64(frequency);
+                out[j] -= frequency * p[j];
+                out[q.len() + j] += frequency * q[j];
+            }
+            turn.apply(out, true);
         }
     }
 }
@@ -453,8 +452,8 @@ pub struct AveragedSettings {
     #[serde(default = "sixteen")]
     pub angles: usize,
     /// Whether the closed form of the average is used: the angles then only serve to enter and leave the averaged
-    /// coordinates. Oscillators, particles and cells have it, of first and second order; particles in their own field
-    /// of first order.
+    /// coordinates. Oscillators, particles, cells and the self-excited oscillator have it, of first and second order;
+    /// particles in their own field of first order.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub closed: bool,
     /// The splitting of the closed form, in place of Runge–Kutta steps.
@@ -492,6 +491,10 @@ impl NumericalMethod for AveragedSettings {
             None => if *closed { ", closed form" } else { "" }.to_owned(),
         };
         format!("averaged equation of order {order}{form}, {angles} angles")
+    }
+
+    fn is_closed_average(&self) -> bool {
+        self.closed
     }
 
     fn bibtex(&self) -> Option<&'static str> {

@@ -92,6 +92,11 @@ impl Integrator {
         self.method().name()
     }
 
+    /// Whether it uses an average over the fast angle that was worked out on paper for its system.
+    pub(crate) fn is_closed_average(self) -> bool {
+        self.method().is_closed_average()
+    }
+
     /// The BibTeX entry that reports cite, of methods that are not in all textbooks.
     pub fn bibtex(self) -> Option<&'static str> {
         self.method().bibtex()

@@ -13,6 +13,11 @@ pub(super) trait NumericalMethod {
     /// The name used in tables.
     fn name(&self) -> String;
 
+    /// Whether somebody has worked out the average over the fast angle for it, system by system.
+    fn is_closed_average(&self) -> bool {
+        false
+    }
+
     /// The BibTeX entry that a report cites.
     fn bibtex(&self) -> Option<&'static str> {
         None

@@ -2,6 +2,7 @@
 
 use crate::helpers::{Quiet, part, refused, run_in, temporary};
 use gyroceptron::io::load_model;
+use gyroceptron::measure::timing::{AtError, WorkPrecision};
 use gyroceptron::network::Model;
 use gyroceptron::scalar::max_or_nan;
 use gyroceptron::scene::{Folder, parse, render, run};
@@ -204,14 +205,58 @@ fn pairs_and_trajectories_are_those_of_the_flow_that_is_declared() {
     with("kind = \"strang\" }, step = 1e-9", &["data.flow.step", "in 10", "found 10000000000"]);
 }
 
+const AND_AVERAGED: &str = "integrators = [
+    { integrator = { kind = \"averaged\", order = 2, angles = 8, closed = true }, from = 5.0, to = 0.6 },";
+
+/// Each kind of rival has a row with its factors at the errors of the best, the median and the worst weights.
+fn rows_of_kinds_are_of_the_times(timings: &Value, text: &str) {
+    let at = &timings["studies"]["long_steps"][0];
+    for (what, of) in [("one_step", "one step of 10"), ("trajectories", "time 200")] {
+        let methods = at[what]["methods"].as_array().expect("methods").iter();
+        let methods = methods.map(|of| serde_json::from_value(of.clone()).expect("a method"));
+        let methods: Vec<WorkPrecision> = methods.collect();
+        let own = methods.iter().find(|method| method.name == "normal-form").expect("the network");
+        let own = own.seconds.expect("timed").median;
+        let errors = at["seeds"][0][what].as_array().expect("errors").iter();
+        let mut errors: Vec<f64> = errors.map(|error| error.as_f64().expect("finite")).collect();
+        errors.sort_by(f64::total_cmp);
+        let mut seen = 0;
+        for (kind, part) in
+            [("averages in closed form", "closed form"), ("tables of the step", "spline")]
+        {
+            let of_kind: Vec<WorkPrecision> =
+                methods.iter().filter(|method| method.name.contains(part)).cloned().collect();
+            assert!(!of_kind.is_empty(), "{kind}");
+            let row = text.lines().find(|line| {
+                line.contains("`normal-form`") && line.contains(of) && line.contains(kind)
+            });
+            let row = row.unwrap_or_else(|| panic!("{kind}, {of}: {text}"));
+            let factors: Vec<&str> = row.split(" | ").skip(8).take(3).collect();
+            for (error, said) in errors.iter().zip(factors) {
+                let Some(rival) = AtError::fastest(&of_kind, *error) else {
+                    assert_eq!(said, "–", "{row}");
+                    continue;
+                };
+                let factor = rival.seconds / own;
+                let found: f64 = said.trim_end_matches([' ', '×', '*']).parse().expect("a factor");
+                assert!((found / factor - 1.0).abs() < 0.06, "{found} {factor}: {row}");
+                seen += 1;
+            }
+        }
+        assert!(seen > 0, "{what}: no rival errs as little: {text}");
+    }
+}
+
 /// Errors of the first of several initial weights are those that are compared with rivals.
 #[test]
 fn other_initial_weights_have_errors_and_gains() {
     let scene = LONG_STEPS
         .replace("flow_times = [5.0, 10.0, 20.0]", "flow_times = [10.0]")
         .replace("ramp = true\n", "")
-        .replace("{ name = \"normal-form\",", "{ name = \"normal-form\", seeds = 3,");
+        .replace("{ name = \"normal-form\",", "{ name = \"normal-form\", seeds = 3,")
+        .replace("integrators = [", AND_AVERAGED);
     assert!(scene.contains("seeds = 3") && scene.contains("flow_times = [10.0]"));
+    assert!(scene.contains("closed = true"));
     let folder = temporary();
     let report = run_in(folder.path(), &parse("long", &scene).expect("a scene"));
     let data = render::json(&report);
@@ -235,13 +280,14 @@ fn other_initial_weights_have_errors_and_gains() {
         );
     }
     let timings = std::fs::read_to_string(folder.path().join("timings.json")).expect("timings");
-    assert!(timings.contains("\"seeds\""));
     let text = std::fs::read_to_string(folder.path().join("report.md")).expect("a report");
+    rows_of_kinds_are_of_the_times(&serde_json::from_str(&timings).expect("JSON"), &text);
     for words in [
         "one step of 10, rms: median",
-        "trained from 3 initial weights, for one step: in the median ",
-        ", in the worst case ",
-        " as long as the map",
+        "times as long: at the best",
+        "averages in closed form",
+        "all others",
+        "steps that pay, at the median",
     ] {
         assert!(text.contains(words), "{words}: {text}");
     }
@@ -256,9 +302,10 @@ fn other_initial_weights_have_errors_and_gains() {
     let lost = |error: &&Value| error.as_f64().is_none_or(|error| !(error <= 0.5 * size));
     assert_eq!(errors.iter().filter(lost).count(), 3, "{errors:?} {size}");
     let text = std::fs::read_to_string(folder.path().join("report.md")).expect("a report");
-    let said = "over trajectories: in the median the map has lost the points, in the worst case the \
-                map has lost the points";
-    assert!(text.contains(said) && text.contains("| – | – | 3 |"), "{text}");
+    let lost = text.lines().find(|line| line.contains("time 200") && line.contains("all others"));
+    let lost = lost.expect("a row");
+    assert!(lost.contains("time 200 | – | – | – |"), "{lost}");
+    assert!(lost.contains("none errs as little") && text.contains("| – | – | 3 |"), "{text}");
 }
 
 /// Only flow times to which the ramp leads up have twists that are trained alone.

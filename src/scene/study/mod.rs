@@ -17,6 +17,7 @@ pub mod family;
 pub mod frequency_map;
 pub mod line_edge;
 pub mod long_steps;
+mod long_steps_results;
 pub mod noise;
 mod over_seeds;
 pub mod overview;

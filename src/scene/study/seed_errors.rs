@@ -1,6 +1,8 @@
 //! What other initial weights change in a comparison of networks with their rivals.
 
 use super::over_seeds::MedianAndWorst;
+use super::shared::finite;
+use super::step_tables::named;
 use super::work_precision::Points;
 use crate::error::Error;
 use crate::measure::timing::{AtError, Comparison, WorkPrecision, root_mean_square_distance};
@@ -86,42 +88,112 @@ impl SeedErrors {
     }
 }
 
-/// How many times as long as the network its fastest rival takes, at the error from each initial weights.
-pub(super) struct SeedGains {
-    /// Ascending: 0 where the points are lost, infinite where no rival errs as little.
-    gains: Vec<f64>,
+/// What rivals are grouped by: the strongest of one group says nothing of another.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum RivalKind {
+    ClosedAverage,
+    StepTable,
+    Other,
 }
 
-impl SeedGains {
-    /// None where the network was not timed.
-    pub(super) fn new(errors: &[f64], network: &str, comparison: &Comparison) -> Option<Self> {
-        let own = |method: &&WorkPrecision| method.setting.is_none() && method.name == network;
-        let seconds = comparison.methods.iter().find(own)?.seconds?.median;
-        let gain = |error: &f64| {
-            if !(*error <= comparison.lost()) {
-                return 0.0;
-            }
-            let rival = AtError::fastest(&comparison.methods, *error);
-            rival.map_or(f64::INFINITY, |rival| rival.seconds / seconds)
-        };
-        let mut gains: Vec<f64> = errors.iter().map(gain).collect();
-        gains.sort_by(f64::total_cmp);
-        Some(Self { gains })
-    }
+impl RivalKind {
+    const ALL: [Self; 3] = [Self::ClosedAverage, Self::StepTable, Self::Other];
 
-    /// `in the median the fastest rival that errs no more takes 9.7 × as long as the map, in the worst case …`.
-    pub(super) fn words(&self) -> String {
-        let words = |gain: f64| match gain {
-            0.0 => "the map has lost the points".to_owned(),
-            gain if gain.is_infinite() => "no rival errs as little".to_owned(),
-            gain => {
-                let factor = Format::Factor.number(gain);
-                format!("the fastest rival that errs no more takes {factor} as long as the map")
-            }
-        };
-        let least = self.gains.first().copied().unwrap_or(f64::NAN);
-        // The smaller of two in the middle.
-        let middle = self.gains.get((self.gains.len() - 1) / 2).copied().unwrap_or(f64::NAN);
-        format!("in the median {}, in the worst case {}", words(middle), words(least))
+    fn name(self) -> &'static str {
+        match self {
+            Self::ClosedAverage => "averages in closed form",
+            Self::StepTable => "tables of the step",
+            Self::Other => "all others",
+        }
     }
 }
+
+/// How many times as long as a network from several initial weights its fastest rival of each kind takes, at the error
+/// from the best, the median and the worst of them.
+pub(super) struct SeedGains<'a> {
+    pub(super) network: &'a str,
+    /// What the errors are of.
+    pub(super) what: String,
+    /// From each initial weights.
+    pub(super) errors: &'a [f64],
+    pub(super) comparison: &'a Comparison,
+    pub(super) kind: &'a dyn Fn(&WorkPrecision) -> RivalKind,
+    /// How many steps pay for the network beside a rival that is slower.
+    pub(super) pays_after: &'a dyn Fn(AtError<'_>) -> Option<f64>,
+}
+
+impl SeedGains<'_> {
+    pub(super) fn table() -> Table {
+        Table::new([
+            ("network", Format::Exact),
+            ("of", Format::Exact),
+            ("error, rms: best", Format::Exponent(1)),
+            ("median", Format::Exponent(1)),
+            ("worst", Format::Exponent(1)),
+            ("µs for unit time", Format::Significant),
+            ("one alone", Format::Significant),
+            ("rivals", Format::Exact),
+            ("times as long: at the best", Format::Factor),
+            ("at the median", Format::Factor),
+            ("at the worst", Format::Factor),
+            ("one alone, at the median", Format::Factor),
+            ("the fastest at the median", Format::Exact),
+            ("steps that pay, at the median", Format::Significant),
+        ])
+    }
+
+    /// Adds a row for each kind that there are rivals of.
+    pub(super) fn add_to(&self, table: &mut Table) {
+        let methods = &self.comparison.methods;
+        let own = |method: &&WorkPrecision| method.setting.is_none() && method.name == self.network;
+        let Some(own) = methods.iter().find(own) else { return };
+        let Some(seconds) = own.seconds else { return };
+        let (seconds, alone) = (seconds.median, own.alone.map(|spread| spread.median));
+        let lost = self.comparison.lost();
+        let mut errors: Vec<f64> =
+            self.errors.iter().map(|e| if *e <= lost { *e } else { f64::INFINITY }).collect();
+        errors.sort_by(f64::total_cmp);
+        let [Some(best), Some(median), Some(worst)] =
+            [0, errors.len() / 2, errors.len() - 1].map(|k| errors.get(k).copied())
+        else {
+            return;
+        };
+        for kind in RivalKind::ALL {
+            let of_kind =
+                |method: &&WorkPrecision| method.setting.is_some() && (self.kind)(method) == kind;
+            let rivals: Vec<WorkPrecision> = methods.iter().filter(of_kind).cloned().collect();
+            if rivals.is_empty() {
+                continue;
+            }
+            let at = |error: f64| finite(error).and_then(|error| AtError::fastest(&rivals, error));
+            let gain = |error: f64| at(error).map(|rival| rival.seconds / seconds);
+            let at_median = at(median);
+            let none = || "none errs as little".to_owned();
+            let name = at_median.map_or_else(none, |rival| named(rival.method));
+            table.push([
+                format!("`{}`", self.network).into(),
+                self.what.clone().into(),
+                finite(best).into(),
+                finite(median).into(),
+                finite(worst).into(),
+                (seconds * MICRO).into(),
+                alone.map(|alone| alone * MICRO).into(),
+                kind.name().into(),
+                gain(best).into(),
+                gain(median).into(),
+                gain(worst).into(),
+                fastest_alone(&rivals, median).zip(alone).map(|(rival, own)| rival / own).into(),
+                name.into(),
+                at_median.and_then(|rival| (self.pays_after)(rival)).into(),
+            ]);
+        }
+    }
+}
+
+/// The seconds of one trajectory alone of the rival that then takes the shortest.
+fn fastest_alone(rivals: &[WorkPrecision], error: f64) -> Option<f64> {
+    let of = |rival: &WorkPrecision| AtError::of_curve(rivals, &rival.name, finite(error)?)?.alone;
+    rivals.iter().filter_map(of).min_by(f64::total_cmp)
+}
+
+const MICRO: f64 = 1e6;
