@@ -129,15 +129,15 @@ pub enum Error {
     Ragged {
         /// The name of the array that does not consist of whole rows.
         name: String,
-        /// The numbers of a row.
+        /// The number of columns that each row has to have.
         columns: usize,
-        /// The numbers of the array.
+        /// How many numbers the array has, which make no whole rows.
         found: usize,
     },
     /// An input that a computation needs and that is missing.
     #[error("{place}: `{key}` is missing; {needed_by} needs it")]
     Missing {
-        /// Where it was looked for.
+        /// The file, scene or block in which the input was looked for.
         place: String,
         /// The key of the input that is missing.
         key: &'static str,
@@ -195,7 +195,7 @@ pub enum Error {
     NoConvergence {
         /// The name of the iteration that did not converge.
         what: String,
-        /// How many steps were taken.
+        /// The number of iterations after which it was given up.
         iterations: usize,
         /// The size of the last change.
         change: f64,

@@ -11,4 +11,4 @@ pub use crate::network::{
 };
 pub use crate::phase::{Direction, Map};
 pub use crate::system::{Hamiltonian, Oscillators};
-pub use crate::train::{Fit, Fitted, Judgement, TrainingOptions};
+pub use crate::train::{Fit, Fitted, Judgement};

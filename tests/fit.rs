@@ -10,7 +10,7 @@ use gyroceptron::scene::NextStep;
 use gyroceptron::train::{
     ActionFit, AreaDefect, Checkpoint, Control, FamilyPairs, FitNote, FitOptions, Judgement, Limit,
     Loss, Optimiser, Outcome, Plateau, Progress, RampStage, Reading, Recipe, Starts, Stop,
-    TrainingObserver, TrainingStage,
+    TrainingObserver, TrainingOptions, TrainingStage,
 };
 
 use std::f64::consts::TAU;

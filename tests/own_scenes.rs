@@ -223,7 +223,7 @@ fn scenes_on_files_that_cannot_be_are_refused() {
         ("[data]", system, &["data.pairs", "system"]),
         ("rounds = 1", integrators, &["integrators"]),
         ("[training]\niterations = 150", ramp, &["ramp"]),
-        ("flow_time = 0.5\n", "", &["flow_time"]),
+        ("flow_time = 0.5\n", "flow_time = 0.0\n", &["flow_time"]),
         ("validation = 0.2", "validation = 1.0", &["data.validation"]),
         (gyroceptron, "network = { kind = \"file\", path = \"w.npz\" }", &["networks to train"]),
     ]
@@ -647,7 +647,10 @@ weights = {{ kind = "normal", scale = 0.15 }}
         )
     };
     let of = |name: &str, action: &str| {
-        std::fs::write(path.join("own.toml"), scene(action)).expect("written");
+        // A scene that names no flow time has this one.
+        let scene = scene(action)
+            .replace("flow_time = 1.0\n", if name == "auto" { "" } else { "flow_time = 1.0\n" });
+        std::fs::write(path.join("own.toml"), scene).expect("written");
         let output = run(path, "own.toml", name);
         let told = String::from_utf8_lossy(&output.stderr).into_owned();
         assert!(output.status.success(), "{told}");

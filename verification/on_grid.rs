@@ -17,7 +17,8 @@ use gyroceptron::network::{
 use gyroceptron::phase::{Direction, Map};
 use gyroceptron::random::Stream;
 use gyroceptron::scalar::{
-    Elementary, Grid, GridNumbers, Integers, OnGrid, Over, Place, Real, Scalar, Tracked, max_or_nan,
+    Elementary, Grid, GridNumbers, GridPlace, Integers, OnGrid, Over, Real, Scalar, Tracked,
+    max_or_nan,
 };
 use proptest::prelude::*;
 use proptest::sample::select;
@@ -334,7 +335,7 @@ fn bijection(map: &dyn Fn(&mut [i64; 2])) -> Tally {
     Tally::of_counts("bijection of a torus", "2¹⁶ states, images taken twice").extend(results)
 }
 
-fn on_small_torus<G: Place<f64>>(model: &Model, state: &mut [i64; 2]) {
+fn on_small_torus<G: GridPlace<f64>>(model: &Model, state: &mut [i64; 2]) {
     let mut z = state.map(|place| OnGrid::<f64, G>::at(place, SMALL_BITS));
     model.forward(&mut z);
     *state = z.map(|z| z.place().expect("on the grid"));
@@ -400,7 +401,7 @@ const DOWN: u8 = 1;
 /// Increments are rounded to every 64th point.
 const FAR: u8 = 2;
 
-impl<const FAULT: u8> Place<f64> for Faulty<FAULT> {
+impl<const FAULT: u8> GridPlace<f64> for Faulty<FAULT> {
     fn none() -> Self {
         Self { sound: Integers::none() }
     }

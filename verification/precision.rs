@@ -79,7 +79,7 @@ fn symplecticity<S: Over<f64> + Real>(map: &Composition<f64>, points: &[f64]) ->
     (sum / f64::from(count)).sqrt()
 }
 
-/// The root mean square of |Q(P(z)) − z| over its bound.
+/// The root mean square of |Q(P(z)) − z| over its rounding scale.
 fn inversion<S: Over<f64> + Real>(
     map: &Composition<f64>,
     back: &Composition<f64>,
@@ -93,8 +93,8 @@ fn inversion<S: Over<f64> + Real>(
         map.forward(&mut w);
         back.inverse(&mut w);
         let (scales, _) = RoundingPropagation::new(&steps, z).value_scales();
-        for ((moved, start), bound) in w.iter().zip(z).zip(scales) {
-            let ratio = (*moved - S::from_f64(*start)).value() / bound;
+        for ((moved, start), scale) in w.iter().zip(z).zip(scales) {
+            let ratio = (*moved - S::from_f64(*start)).value() / scale;
             sum += ratio * ratio;
             count += 1;
         }

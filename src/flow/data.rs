@@ -105,7 +105,7 @@ pub struct Condition {
     pub time: f64,
     /// The weight of the squared errors of its pairs in a loss.
     pub weight: f64,
-    /// The number of its pairs.
+    /// The number of pairs of this map.
     pub pairs: usize,
     /// The values of the controls λ; empty in a family without controls.
     pub controls: Vec<f64>,

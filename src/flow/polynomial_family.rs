@@ -39,7 +39,7 @@ impl PolynomialFamily {
         Ok(PolynomialMap::total(&self.maps, &self.controls.products(values)))
     }
 
-    /// How many coefficients it has.
+    /// The number of coefficients of all its maps together.
     pub fn parameters(&self) -> usize {
         self.maps.iter().map(PolynomialMap::parameters).sum()
     }

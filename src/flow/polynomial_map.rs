@@ -131,7 +131,7 @@ impl PolynomialMap {
         self.basis.degree
     }
 
-    /// How many coefficients it has.
+    /// The number of coefficients of all its components together.
     pub fn parameters(&self) -> usize {
         self.coefficients.len()
     }

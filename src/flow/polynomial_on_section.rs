@@ -99,7 +99,7 @@ impl PolynomialOnSection {
         self.section.is_some()
     }
 
-    /// The map in the chart.
+    /// The symplectic polynomial, which maps canonical coordinates of the section's chart.
     pub fn map(&self) -> &SymplecticPolynomial {
         &self.map
     }

@@ -105,9 +105,9 @@ pub struct Exit<T> {
     pub of: usize,
     /// The row, among the initial points, of the trajectory to which the first state outside belongs, …
     pub row: usize,
-    /// … and its number of steps.
+    /// The number of steps after which that trajectory is outside for the first time.
     pub step: usize,
-    /// How that state is outside.
+    /// How the first state outside is outside.
     #[serde(flatten)]
     pub first: T,
 }
@@ -128,9 +128,9 @@ pub struct OutsideSection {}
 /// The first coordinate of a state that is outside of a region.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct OutsideRegion {
-    /// The coordinate, from 0, …
+    /// The number of the coordinate, from 0, that is outside.
     pub coordinate: usize,
-    /// … and the value of it.
+    /// The value of that coordinate.
     pub value: f64,
 }
 

@@ -28,7 +28,7 @@ const BLOCKS_VERSION: u64 = 3;
 /// The newest checkpoint format that this version reads, and the one it writes.
 const CHECKPOINT_VERSION: u64 = 1;
 
-/// Where a model comes from.
+/// Where the parameters of a model come from: the training or the import that made them.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Provenance {
@@ -244,11 +244,12 @@ impl StoredModel {
         Ok(rolled)
     }
 
-    /// [`StoredModel::rollout_along`] of orbits that may leave the box of a section: the state that is kept there and
-    /// all later ones are NaN. Without a section it is the same.
+    /// [`StoredModel::rollout_along`] of orbits that may leave the box of a section, or that polynomials may send to
+    /// infinity from outside of theirs: the state that is kept there and all later ones are NaN. Without either it is
+    /// the same.
     ///
     /// # Errors
-    /// Those of [`StoredModel::rollout_along`], but for orbits that leave the box of a section.
+    /// Those of [`StoredModel::rollout_along`], but for orbits that are lost in this way.
     pub fn rollout_until_lost(
         &self,
         course: Course,
@@ -256,7 +257,7 @@ impl StoredModel {
         request: Rollout,
         pace: &mut Pace<'_>,
     ) -> Result<RolledOut, Error> {
-        if self.section.is_none() {
+        if self.section.is_none() && !self.model.architecture().has_polynomials() {
             return self.rollout_along(course, initial, request, pace);
         }
         let mut rolled = self.rolled_out(course, initial, request, pace)?;

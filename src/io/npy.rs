@@ -21,7 +21,7 @@ const CHUNK: usize = 1 << 14;
 /// An array read from a file, row by row whatever its memory order.
 #[derive(Debug)]
 pub struct Array {
-    /// Its sizes, the slowest index first.
+    /// The sizes of the array, the slowest index first.
     pub shape: Vec<usize>,
     /// The numbers of the array, row by row.
     pub values: Vec<f64>,

@@ -302,7 +302,7 @@ pub struct ProofRequest {
     /// The start of the ray on which circles are looked for, in the coordinates of the normal form. If None, the fixed
     /// point near 0 is taken, or 0 where none is found.
     pub from: Option<[f64; 2]>,
-    /// The end of the ray.
+    /// The end (q, p) of the ray on which curves are looked for.
     pub to: [f64; 2],
 }
 
@@ -312,7 +312,7 @@ impl Default for ProofRequest {
     }
 }
 
-/// The outcome of a [`ProofRequest`].
+/// The verdict on each curve that a [`ProofRequest`] tried.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Proofs {
     /// Each rotation number with its verdict.

@@ -5,7 +5,7 @@
 pub struct Tensor {
     /// The lengths of the axes.
     pub shape: Vec<usize>,
-    /// Its numbers, row by row.
+    /// The numbers of the tensor, row by row.
     pub values: Vec<f64>,
     /// The file held single precision.
     pub single_precision: bool,

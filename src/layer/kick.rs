@@ -19,7 +19,7 @@ pub struct Kick<'a, P, V> {
     pub potential: V,
     /// c, the factor of the increment.
     pub scale: P,
-    /// τ = −1 when true.
+    /// Whether the sign τ of the kick is −1 in place of 1.
     pub reflect: bool,
     /// η, where the argument is shifted.
     pub shift: Option<&'a [P]>,

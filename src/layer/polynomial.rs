@@ -36,7 +36,7 @@ pub struct PolynomialPotential<'a, P> {
 pub struct ActionInterval {
     /// The middle of the interval.
     pub centre: f64,
-    /// One over half its width.
+    /// 1 over half the width of the interval.
     pub inverse_half: f64,
 }
 

@@ -18,7 +18,7 @@ pub fn distance(a: &[f64], b: &[f64]) -> f64 {
 /// The change of a quantity along a trajectory.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Drift {
-    /// Its value at the start.
+    /// The value of the quantity in the first state.
     pub initial: f64,
     /// The largest |value − initial| afterwards.
     pub largest: f64,

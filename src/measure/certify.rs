@@ -21,7 +21,7 @@ use std::fmt;
 /// The result of a sampled test of the laws of a map: the options, and a row for each law.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Certificate {
-    /// How the samples were drawn.
+    /// How the samples were drawn, and how many of them.
     pub options: CertificateOptions,
     /// The [domain](Measurable::domain) of the samples; empty for the box |z_i| ≤ `radius`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]

@@ -56,9 +56,9 @@ fn radii(z: &[f64]) -> Vec<f64> {
     (0..n).map(|j| libm::hypot(z[j], z[n + j])).collect()
 }
 
-/// An error over its bound, where 0 over 0 is 0.
-fn over(error: f64, bound: f64) -> f64 {
-    if error == 0.0 { 0.0 } else { error / bound }
+/// An error over its bound or its rounding scale, where 0 over 0 is 0.
+fn over(error: f64, size: f64) -> f64 {
+    if error == 0.0 { 0.0 } else { error / size }
 }
 
 /// The defect of the axiom for Φ at z divided by its bound: the largest such

@@ -78,7 +78,7 @@ pub trait NearlyPeriodic: Measurable {
     fn conjugated_action_at(&self, theta: f64) -> Box<dyn Measurable + '_>;
     /// The angle θ of the map, in radians.
     fn angle(&self) -> f64;
-    /// The ε of the map.
+    /// The value of ε that the map is taken at.
     fn epsilon(&self) -> f64;
 }
 

@@ -4,7 +4,7 @@ use super::inversion::Conditioned;
 use super::measurable::OneStep;
 use crate::network::{Composition, GridPoints, Model, Pace, Rollout, grid_rollout};
 use crate::phase::{Direction, Map};
-use crate::scalar::{FloatOnGrid, Grid, GridNumbers, IntegerOnGrid, OnGrid, Place};
+use crate::scalar::{FloatOnGrid, Grid, GridNumbers, GridPlace, IntegerOnGrid, OnGrid};
 
 /// A map that moves the points of a [grid](Grid).
 ///
@@ -84,7 +84,7 @@ impl<M: Map<f64> + Map<IntegerOnGrid> + Map<FloatOnGrid>> GridMap for OneStep<M>
     }
 }
 
-fn move_numbers<G: Place<f64>>(
+fn move_numbers<G: GridPlace<f64>>(
     map: impl Fn(&mut [OnGrid<f64, G>]),
     grid: Grid,
     places: &mut [i64],

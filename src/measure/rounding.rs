@@ -10,6 +10,9 @@ use faer::{Mat, MatRef};
 
 /// The points and Jacobians along a sequence of steps, with the scale of the
 /// rounding error that each step makes.
+///
+/// Source: that errors of rounding are propagated by Jacobians, and are as if independent: Higham,
+/// <https://doi.org/10.1137/1.9780898718027>, sections 2.8 and 3.
 pub struct RoundingPropagation<'a> {
     steps: &'a [Box<dyn MeasuredStep + 'a>],
     dim: usize,

@@ -25,6 +25,8 @@ pub fn distances_to_set(points: &[f64], set: &[f64], dim: usize) -> Vec<f64> {
 
 /// The mean growth of an angle from one state to the next, in turns, for each trajectory. Each growth is
 /// known up to whole turns only; the value within half a turn of `near` is taken.
+///
+/// Source: rotation numbers of maps: Meiss, <https://doi.org/10.1103/RevModPhys.64.795>, section II.
 pub fn winding_numbers(
     orbits: &Trajectories,
     near: f64,

@@ -77,7 +77,7 @@ pub struct Row {
     pub median: Option<f64>,
     /// The upper decile of the results that are not 0, if there are any.
     pub deviation: Option<f64>,
-    /// What `largest` must stay below.
+    /// The limit that `largest` must stay below.
     pub limit: f64,
     /// Whether the law holds on these samples.
     pub verdict: Verdict,

@@ -97,7 +97,7 @@ pub struct WorkPrecision {
     /// Seconds for a unit of work that shares no vector lanes; None where it is not timed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub alone: Option<Spread>,
-    /// Why there is no result.
+    /// Why the method has no result; None where it has one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub failure: Option<String>,
 }
@@ -388,7 +388,7 @@ impl TrajectoryMethods<'_> {
 /// A comparison of methods that give the same trajectories.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Comparison {
-    /// How many trajectories are judged.
+    /// The number of trajectories whose errors are judged.
     pub trajectories: usize,
     /// How many trajectories are timed together.
     pub together: usize,

@@ -402,11 +402,30 @@ impl Architecture {
         self.check_parts()
     }
 
+    /// A block of this architecture as errors name it, by its number and its name.
+    fn called(&self, block: &Block) -> String {
+        let number = self.blocks.iter().position(|other| other.name == block.name);
+        format!("block {} (`{}`)", number.unwrap_or(self.blocks.len()), block.name)
+    }
+
+    /// What its parameters are of, with the number of each.
+    pub(super) fn count_of_each(&self) -> String {
+        let ranges = self.block_ranges();
+        let of = |(block, range): (&Block, Range<usize>)| {
+            format!("{} of {}", range.len(), self.called(block))
+        };
+        let mut all: Vec<String> = self.blocks.iter().zip(ranges).map(of).collect();
+        if self.has_circle() {
+            all.push(format!("{} of {}", self.circles.len(), Self::THETA));
+        }
+        all.join(", ")
+    }
+
     /// Fails where polynomials have no box yet.
     pub(super) fn check_boxes(&self) -> Result<(), Error> {
         match self.blocks.iter().find(|block| block.ridges.is_unbounded()) {
             Some(block) => Err(Error::Missing {
-                place: format!("block `{}`", block.name),
+                place: self.called(block),
                 key: "radius",
                 needed_by: "the box of its polynomials".into(),
             }),
@@ -418,7 +437,7 @@ impl Architecture {
     fn check_reversible(&self) -> Result<(), Error> {
         let mut own = self.blocks.iter().filter(|block| block.layers.count() > 0);
         let refused = |block: &Block, expected: &str| {
-            let name = format!("`{}` of a reversible map", block.name);
+            let name = format!("{} of a reversible map", self.called(block));
             Err(Error::invalid(&name, block.part.symbol(), expected))
         };
         let plain = !self.has_circle();
@@ -448,15 +467,19 @@ impl Architecture {
             return Ok(());
         };
         if let Some(perturbation) = perturbation {
-            let found = format!("`{}` beside `{}`", near_identity.name, perturbation.name);
+            let found =
+                format!("{} beside {}", self.called(near_identity), self.called(perturbation));
             let expected = "one of both: I_ε of a nearly-periodic map, or K_ε in its chart";
             return Err(Error::invalid("blocks", found, expected));
         }
         let mut own = self.part(Part::Chart).chain(self.part(Part::SlowMap));
         match own.find(|block| !block.scale.has_epsilon()) {
             Some(block) => {
-                let found =
-                    format!("`{}`, of order one, beside `{}`", block.name, near_identity.name);
+                let found = format!(
+                    "{}, of order one, beside {}",
+                    self.called(block),
+                    self.called(near_identity)
+                );
                 let expected = "chart and slow map scaled by ε beside I_ε";
                 Err(Error::invalid("blocks", found, expected))
             }

@@ -147,7 +147,7 @@ pub enum Layers {
 pub struct Modules {
     /// The number of linear modules.
     pub modules: usize,
-    /// The linear shears of each.
+    /// The number of linear shears in each linear module.
     pub shears: usize,
     /// σ of the activation modules.
     pub activation: Activation,
@@ -477,7 +477,7 @@ pub struct Block {
     pub name: String,
     /// The part that the block plays in the network.
     pub part: Part,
-    /// The factor of its increments.
+    /// The factor, of ε and the flow time, that multiplies the increments of its layers.
     pub scale: Scale,
     /// The layers of the block, with their widths.
     pub layers: Layers,
@@ -596,7 +596,7 @@ impl Block {
     /// Fails unless its layers can play its part, in a network with circles or without.
     pub(super) fn check(&self, of: Surroundings, has_circles: bool) -> Result<(), Error> {
         let refused = |found: &str, expected: &str| {
-            Err(Error::invalid(&format!("block {}", self.name), found, expected))
+            Err(Error::invalid(&format!("`{}`", self.name), found, expected))
         };
         let sane = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
         if !self.name.chars().all(sane) {

@@ -215,7 +215,11 @@ impl<P: Real> Model<P> {
     pub fn over(architecture: Architecture, epsilon: P, parameters: Vec<P>) -> Result<Self, Error> {
         architecture.check()?;
         architecture.check_boxes()?;
-        Error::check_count("parameters", architecture.parameter_count(), parameters.len())?;
+        let count = architecture.parameter_count();
+        if parameters.len() != count {
+            let name = format!("parameters ({})", architecture.count_of_each());
+            return Err(Error::WrongCount { name, expected: count, found: parameters.len() });
+        }
         let composition = architecture.composition(epsilon, parameters);
         Ok(Self { architecture: architecture.at_epsilon(epsilon.value()), composition })
     }

@@ -165,7 +165,7 @@ pub struct SympNetShape {
     pub dof: usize,
     /// The number of linear modules.
     pub modules: usize,
-    /// The linear shears of each.
+    /// The number of linear shears in each linear module.
     pub shears: usize,
     /// σ of the activation modules.
     pub activation: Activation,

@@ -7,7 +7,7 @@ use super::step::Kind;
 use crate::error::Error;
 use crate::phase::Direction;
 use crate::scalar::{
-    Floats, Grid, GridNumbers, Integers, Kernel, OnGrid, Pack, Place, Scalar, WIDTH,
+    Floats, Grid, GridNumbers, GridPlace, Integers, Kernel, OnGrid, Pack, Scalar, WIDTH,
     on_independent_lanes,
 };
 use std::marker::PhantomData;
@@ -97,9 +97,9 @@ struct GridTrajectories<'a, G> {
     kind: PhantomData<G>,
 }
 
-/// Which [`Place`] a kernel has for its registers.
+/// Which [`GridPlace`] a kernel has for its registers.
 trait Places {
-    type Of<V: Pack>: Place<V>;
+    type Of<V: Pack>: GridPlace<V>;
 }
 
 struct OfIntegers;
@@ -115,7 +115,12 @@ impl Places for OfFloats {
 
 /// Places that go together; those beyond the last one repeat it.
 #[inline(always)]
-fn load<V: Pack, G: Place<V>>(places: &[i64], dim: usize, bits: u32, lanes: &mut [OnGrid<V, G>]) {
+fn load<V: Pack, G: GridPlace<V>>(
+    places: &[i64],
+    dim: usize,
+    bits: u32,
+    lanes: &mut [OnGrid<V, G>],
+) {
     let last = places.len() / dim - 1;
     let mut column = [0.0; WIDTH];
     for (component, lane) in lanes.iter_mut().enumerate() {
@@ -128,7 +133,7 @@ fn load<V: Pack, G: Place<V>>(places: &[i64], dim: usize, bits: u32, lanes: &mut
 
 /// Their coordinates, and their places where these are asked for.
 #[inline(always)]
-fn store<V: Pack, G: Place<V>>(
+fn store<V: Pack, G: GridPlace<V>>(
     lanes: &[OnGrid<V, G>],
     dim: usize,
     grid: Grid,

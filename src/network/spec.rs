@@ -536,7 +536,7 @@ impl NetworkSpec {
         self.circles() != Circles::None
     }
 
-    /// Its circles, where it names them.
+    /// The circle action that the network names for itself; None where it leaves that to the scene.
     pub fn own_action(&self) -> Option<TorusAction> {
         let circle = || self.circle_action.clone().map(TorusAction::from);
         self.action.clone().or_else(circle)

@@ -32,7 +32,7 @@ pub enum Kind {
     Kick {
         /// The ridge functions of its potential.
         ridges: Ridges,
-        /// Which of the four kicks.
+        /// Which of the four kicks of a Hénon layer this is.
         form: KickForm,
     },
     /// A turn by the angles that are its parameters.
@@ -73,7 +73,7 @@ pub enum Kind {
     Activation {
         /// The activation σ of the module.
         activation: Activation,
-        /// The half that it changes.
+        /// The half of the coordinates that the module changes.
         target: Half,
     },
     /// The reflection of a reversible map. It is not symplectic by itself, and occurs twice.

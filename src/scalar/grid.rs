@@ -155,7 +155,7 @@ const NONE: f64 = f64::INFINITY;
 ///
 /// It accompanies the number itself, `value`: computations use the value, and changes of a coordinate
 /// are made to the place.
-pub trait Place<V>: Copy + Debug + Send + Sync + 'static {
+pub trait GridPlace<V>: Copy + Debug + Send + Sync + 'static {
     /// The place of a number that is on no grid: an intermediate result between two increments.
     fn none() -> Self;
 
@@ -266,7 +266,7 @@ impl<V: Lanewise, const W: u32> Task for Far<'_, V, W> {
     }
 }
 
-impl<V: Lanewise, const W: u32> Place<V> for Integers<V, W> {
+impl<V: Lanewise, const W: u32> GridPlace<V> for Integers<V, W> {
     #[inline(always)]
     fn none() -> Self {
         Self { places: V::zero(), magic: V::from_f64(-NONE) }
@@ -327,7 +327,7 @@ impl<V: Lanewise> Floats<V> {
     }
 }
 
-impl<V: Lanewise> Place<V> for Floats<V> {
+impl<V: Lanewise> GridPlace<V> for Floats<V> {
     #[inline(always)]
     fn none() -> Self {
         Self { magic: V::from_f64(NONE) }

@@ -37,7 +37,7 @@ pub use chebyshev::Series;
 pub(crate) use chebyshev::scales;
 pub use double_double::DoubleDouble;
 pub use dual::{Dual, dual_variables_made};
-pub use grid::{Floats, Grid, GridNumbers, Integers, Place};
+pub use grid::{Floats, Grid, GridNumbers, GridPlace, Integers};
 pub use lanes::Lanes;
 pub use lanewise::WIDTH;
 pub use on_grid::{FloatOnGrid, IntegerOnGrid, OnGrid};

@@ -1,6 +1,6 @@
 //! A number on a grid, over which the maps of the crate are exact bijections.
 
-use super::grid::{Floats, Integers, Place};
+use super::grid::{Floats, GridPlace, Integers};
 use super::lanewise::Lanewise;
 use super::{Elementary, Over, Real, Scalar, Series, Task, assigning};
 use std::ops::{Add, Div, Mul, Neg, Sub};
@@ -40,7 +40,7 @@ pub type IntegerOnGrid = OnGrid<f64, Integers<f64>>;
 /// A coordinate on a grid of [floats](super::GridNumbers::Floats).
 pub type FloatOnGrid = OnGrid<f64, Floats<f64>>;
 
-impl<G: Place<f64>> OnGrid<f64, G> {
+impl<G: GridPlace<f64>> OnGrid<f64, G> {
     /// The coordinate k·2⁻ᴮ with k = `place` and B = `bits`, at most
     /// [`GridNumbers::most_bits`](super::GridNumbers::most_bits).
     pub fn at(place: i64, bits: u32) -> Self {
@@ -59,7 +59,7 @@ impl<G: Place<f64>> OnGrid<f64, G> {
     }
 }
 
-impl<V, G: Place<V>> OnGrid<V, G> {
+impl<V, G: GridPlace<V>> OnGrid<V, G> {
     /// An integer in the bits of each lane.
     #[inline(always)]
     pub(crate) fn from_lanes(places: V, bits: u32) -> Self {
@@ -110,7 +110,7 @@ impl<V, G: Place<V>> OnGrid<V, G> {
 
 macro_rules! between {
     ($($trait:ident, $method:ident;)*) => {
-        $(impl<V: Lanewise, G: Place<V>> $trait for OnGrid<V, G> {
+        $(impl<V: Lanewise, G: GridPlace<V>> $trait for OnGrid<V, G> {
             type Output = Self;
             #[inline(always)]
             fn $method(self, other: Self) -> Self {
@@ -121,7 +121,7 @@ macro_rules! between {
 }
 between! { Add, add; Sub, sub; Mul, mul; Div, div; }
 
-impl<V: Lanewise, G: Place<V>> Neg for OnGrid<V, G> {
+impl<V: Lanewise, G: GridPlace<V>> Neg for OnGrid<V, G> {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
@@ -130,9 +130,9 @@ impl<V: Lanewise, G: Place<V>> Neg for OnGrid<V, G> {
     }
 }
 
-assigning!([V: Lanewise, G: Place<V>] OnGrid<V, G>);
+assigning!([V: Lanewise, G: GridPlace<V>] OnGrid<V, G>);
 
-impl<V: Lanewise, G: Place<V>> Scalar for OnGrid<V, G> {
+impl<V: Lanewise, G: GridPlace<V>> Scalar for OnGrid<V, G> {
     const SPECIALISED: bool = V::SPECIALISED;
 
     #[inline(always)]
@@ -180,7 +180,7 @@ impl<V: Lanewise, G: Place<V>> Scalar for OnGrid<V, G> {
     }
 }
 
-impl<V: Lanewise, G: Place<V>> Elementary for OnGrid<V, G> {
+impl<V: Lanewise, G: GridPlace<V>> Elementary for OnGrid<V, G> {
     #[inline(always)]
     fn sin_cos(self) -> (Self, Self) {
         let (s, c) = self.value.sin_cos();
@@ -220,7 +220,7 @@ impl<V: Lanewise, G: Place<V>> Elementary for OnGrid<V, G> {
     }
 }
 
-impl<V: Lanewise + Over<f64>, G: Place<V>> Over<f64> for OnGrid<V, G> {
+impl<V: Lanewise + Over<f64>, G: GridPlace<V>> Over<f64> for OnGrid<V, G> {
     #[inline(always)]
     fn embed(parameter: f64) -> Self {
         Self::between(V::embed(parameter))
@@ -241,7 +241,7 @@ impl<V: Lanewise + Over<f64>, G: Place<V>> Over<f64> for OnGrid<V, G> {
     }
 }
 
-impl<G: Place<f64>> Real for OnGrid<f64, G> {
+impl<G: GridPlace<f64>> Real for OnGrid<f64, G> {
     fn value(self) -> f64 {
         self.value
     }

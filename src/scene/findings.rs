@@ -27,7 +27,7 @@ pub struct Findings {
 /// The findings of a study, with its name.
 #[derive(Clone, Debug)]
 pub struct StudyFindings {
-    /// Its key in the scene.
+    /// The key of the study in scene files.
     pub name: &'static str,
     /// The findings of the study: its tables, figures, verdict and data.
     pub findings: Findings,
@@ -217,7 +217,7 @@ impl Table {
         self.rows.push(row);
     }
 
-    /// Whether it has no rows.
+    /// Whether the table has no rows.
     pub fn is_empty(&self) -> bool {
         self.rows.is_empty()
     }

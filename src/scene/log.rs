@@ -7,7 +7,7 @@ use std::time::Instant;
 /// A stage of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Stage {
-    /// What is done in it.
+    /// What is done in this part of a run, in words.
     pub stage: String,
     /// Seconds that it took on this machine.
     pub seconds: f64,

@@ -1,6 +1,6 @@
 //! The report of a training on your own pairs.
 
-use super::findings::{Block, Format, StudyFindings};
+use super::findings::{Block, StudyFindings};
 use super::folder::Folder;
 use super::log::TrainingTimes;
 use super::machine::Machine;
@@ -20,8 +20,8 @@ use crate::measure::trajectories::{
 use crate::network::{NetworkSpec, Structure};
 use crate::scalar::max_or_nan;
 use crate::train::{
-    ActionTrial, Fit, FitNote, Fitted, Judgement, Limit, Optimiser, Outcome, Problem, Scheduled,
-    Stop,
+    ActionTrial, FEW_ITERATIONS, Fit, FitNote, Fitted, Judgement, Limit, Optimiser, Outcome,
+    Problem, Scheduled, Stop,
 };
 use serde::Serialize;
 use serde_json::json;
@@ -55,9 +55,6 @@ pub enum NextStep {
 }
 
 impl NextStep {
-    /// Fewer iterations are no ground to judge a network.
-    const FEW: u64 = 50;
-
     /// What to try after a fit with this judgement.
     pub fn of(fitted: &Fitted, judgement: &Judgement) -> Self {
         let problem = &fitted.problem;
@@ -100,7 +97,7 @@ impl NextStep {
         // Starts may have taken more than were asked for.
         let taken = options.iterations.max(outcome.best.iteration);
         let more = Self::Iterations(taken.saturating_mul(2));
-        if outcome.stop == Stop::Iterations && taken < Self::FEW {
+        if outcome.stop == Stop::Iterations && taken < FEW_ITERATIONS {
             return more;
         }
         let architecture = outcome.model.architecture();
@@ -200,7 +197,6 @@ impl OwnTraining<'_> {
         let moves = plane_motions(action, angles, judge).iter().any(|motion| !motion.explained);
         let baseline = Baseline { rotation_error: moves.then_some(rotation_error), size };
         let found = component_errors(training.outcome.model.composition(), judge)?;
-        let error = root_mean_square(&found);
         let coordinates = coordinates_in_words(problem.section.is_some());
         let of = ByComponent::new(found, nearest, judge, units, coordinates);
         let network = name.clone();
@@ -209,19 +205,19 @@ impl OwnTraining<'_> {
         let mut trust = trust(&judgement);
         let rotation = rotation_error.sqrt() / baseline.size;
         let next = NextStep::after(&problem, &training.outcome, &judgement, rotation);
-        let share = match baseline.rotation_error {
-            Some(left) => {
-                let share = Format::Percent.number(error / left.sqrt());
-                format!("{share} of the motion beyond the nearest rotation; ")
-            }
-            None => String::new(),
-        };
-        trust.results.summary.push(Block::Text(format!("**Error**: {share}{}.", of.describe())));
+        trust.results.summary.push(Block::Text(format!("**Error**: {}.", of.describe())));
         trust.results.summary.push(Block::Text(format!(
             "**Next**: `{}`: {}.",
             asked(next),
             next.reason()
         )));
+        if units.is_some() {
+            trust.results.summary.push(Block::Text(
+                "Losses, errors of planes and actions are in the units of the network, into which the data are \
+                 scaled."
+                    .into(),
+            ));
+        }
         trust.results.data["next"] = json!(next);
         trust.results.data["worst_plane"] = json!(of.worst_plane().map(|plane| plane + 1));
         if let Some(words) = FitNote::of_negative_epsilons(pairs, training.outcome.model.epsilon())
@@ -245,7 +241,7 @@ impl OwnTraining<'_> {
         }
         if let Some(units) = units {
             trust.results.details.push(Block::Text(format!(
-                "- {}. Errors of each component are {coordinates}, all others in the units of the network.\n",
+                "- {}. Errors of each component are {coordinates}.\n",
                 units.describe()
             )));
             trust.results.data["units"] = json!(units);

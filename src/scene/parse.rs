@@ -42,7 +42,7 @@ pub fn parse(place: &str, text: &str) -> Result<Scene, Error> {
     Ok(scene)
 }
 
-/// Fills in what a scene leaves open of trainings on pairs of a file, in its parts too: a loss by plane,
+/// Fills in what a scene leaves open of trainings on pairs of a file, in its parts too: the flow time 1, a loss by plane,
 /// Levenberg–Marquardt until it is at rest, and several initial weights, of which `starts = { count = 1, … }` asks for
 /// one.
 fn recommend(scene: &mut Scene, given: &toml::Value) {
@@ -55,6 +55,8 @@ fn recommend(scene: &mut Scene, given: &toml::Value) {
     if !scene.setup.is_of_file() {
         return;
     }
+    // As of pairs in the training of one network: their map is that of a unit of time.
+    scene.setup.flow_time.get_or_insert(1.0);
     let recommended = Fit::default().training;
     let fill = |training: &mut TrainingOptions, given: Option<&toml::Value>| {
         let has = |key: &str| given.is_some_and(|given| given.get(key).is_some());

@@ -88,18 +88,18 @@ pub struct Data {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged, expecting = "weights such as [1, 0], several such lists, or \"auto\"")]
 pub enum PairsAction {
-    /// One circle.
+    /// One circle, which all planes that turn share.
     Circle(CircleAction),
     /// Several circles, each with an angle of its own.
     Torus(TorusAction),
-    /// That which the pairs show.
+    /// The action that a search of short trainings finds in the pairs.
     Auto(AutoWord),
 }
 
 /// The word that asks for what the pairs show.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum AutoWord {
-    /// `"auto"`.
+    /// The word `"auto"` in place of weights.
     #[serde(rename = "auto")]
     Auto,
 }

@@ -37,7 +37,7 @@ pub struct Fit {
     pub action: Option<TorusAction>,
     /// The network that is trained. None: a normal form, with a ψ where the limit does not turn the planes.
     pub network: Option<NetworkSpec>,
-    /// How its weights are drawn.
+    /// How the initial weights of the network are drawn.
     pub weights: InitialWeights,
     /// The ε that the network has as a parameter. None: the largest |ε| of the pairs, with its sign, or 0.01.
     pub epsilon: Option<f64>,
@@ -48,6 +48,8 @@ pub struct Fit {
     /// pairs.
     pub theta: Option<f64>,
     /// The options of the training. A ramp takes its stages from pairs of several ε or flow times.
+    /// To change one of what is recommended, write `TrainingOptions { iterations: 60, ..Fit::default().training }`:
+    /// `TrainingOptions::default()` is the plain recipe of scenes.
     pub training: TrainingOptions,
     /// The names of the controls that the pairs depend on, and how the network depends on them.
     pub controls: ControlOptions,

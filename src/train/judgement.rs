@@ -48,6 +48,9 @@ const LEARNT: f64 = 0.5;
 /// areas change by.
 const LITTLE: f64 = 0.01;
 
+/// Fewer iterations do not show whether a loss is at rest.
+pub const FEW_ITERATIONS: u64 = 50;
+
 /// What limits a training, from its losses on training and held-out pairs.
 pub fn limit(loss: f64, validation: Option<f64>, history: &[TrainingRecord]) -> Limit {
     let Some(last) = history.last() else { return at_rest(validation) };
@@ -100,7 +103,9 @@ impl Limit {
                 "the data: the held-out error is far above the loss; more pairs (where there are controls, of more \
                  values), or a smaller network"
             }
-            Self::Iterations => "the iterations: the loss was still falling",
+            Self::Iterations => {
+                "the iterations: the loss was still falling, or there were too few to say"
+            }
             Self::Network => {
                 "the network or its optimiser: the loss is at rest, and held-out pairs fit as well; \
                  a wider network, the best of several starts, Levenberg–Marquardt where the optimiser is another"
@@ -327,9 +332,14 @@ impl Judgement {
             _ => Vec::new(),
         };
         let own = OwnInvariance::measure(model, starts, STEPS);
-        let limit = match limit(outcome.loss, outcome.best.validation, &outcome.history) {
+        let validation = outcome.best.validation;
+        let few = outcome.history.last().is_some_and(|last| last.iteration < FEW_ITERATIONS);
+        let limit = match limit(outcome.loss, validation, &outcome.history) {
             // It was ended because it was at rest.
-            Limit::Iterations if outcome.stop == Stop::Plateau => at_rest(outcome.best.validation),
+            Limit::Iterations if outcome.stop == Stop::Plateau => at_rest(validation),
+            Limit::Network | Limit::Unknown if few && outcome.stop == Stop::Iterations => {
+                Limit::Iterations
+            }
             limit => limit,
         };
 

@@ -58,7 +58,7 @@ impl Default for PolynomialFit {
 pub struct PolynomialTrial {
     /// The total degree of the generating function.
     pub degree: usize,
-    /// How many coefficients it has.
+    /// The number of coefficients of its generating function.
     pub parameters: usize,
     /// How many iterations of Newton's method a step takes.
     pub iterations: usize,

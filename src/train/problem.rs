@@ -77,7 +77,7 @@ pub struct Problem {
     pub network: NetworkSpec,
     /// The architecture of the network.
     pub architecture: Architecture,
-    /// How its weights are drawn.
+    /// How the initial weights of the network are drawn.
     pub weights: InitialWeights,
     /// How it is trained, with the weights of the loss that were found from the pairs.
     pub training: TrainingOptions,
@@ -103,7 +103,7 @@ pub struct Problem {
     pub digest: String,
     /// The seed of the weights, and of the held-out choice where the fit made it.
     pub seed: u64,
-    /// What was found or chosen.
+    /// What was found in the pairs or chosen for them: notes that reports and warnings give.
     pub notes: Vec<FitNote>,
     /// The ε of the pairs, which the records of stages give.
     pub epsilon: f64,

@@ -27,6 +27,8 @@ impl Reading {
     const FACTOR: f64 = 10.0;
     /// The largest number of pairs that are used.
     const PAIRS: usize = 1000;
+    /// Of fewer pairs a rotation fits one order of columns much better by chance.
+    const FEWEST: usize = 20;
 
     /// The pairs with columns q₁ p₁ q₂ p₂ … taken in the order q₁ … qₙ, p₁ … pₙ, and that order.
     pub(super) fn interleaved(pairs: &Pairs) -> (Pairs, Vec<usize>) {
@@ -46,12 +48,14 @@ impl Reading {
     /// Columns with momenta before positions are not found: they turn the other way and fit as
     /// well.
     ///
+    /// Of fewer than 20 pairs there is none.
+    ///
     /// Where the fast plane makes about whole turns from inputs to outputs, a rotation of the slow
     /// plane fits better too. Another action is therefore named only where [`ActionFit`] is sure of
     /// it.
     pub fn better(pairs: &Pairs, action: &TorusAction) -> Option<Self> {
         let dof = pairs.dof();
-        if action.dof() != dof {
+        if action.dof() != dof || pairs.len() < Self::FEWEST {
             return None;
         }
         let given = pairs.thinned(Self::PAIRS);

@@ -57,7 +57,7 @@ pub trait Centre: Copy + PartialEq + std::fmt::Debug + Send + Sync + 'static {
     fn negated(self) -> Self;
     /// An upper bound of the modulus.
     fn magnitude(self) -> f64;
-    /// A lower bound of it.
+    /// A lower bound of the modulus of the sum.
     fn mignitude(self) -> f64;
     /// A bound of its distance from its first double.
     fn rest(self) -> f64;

@@ -19,7 +19,7 @@ const HOPELESS: f64 = 1e5;
 /// A curve for which it is proved that an invariant circle is near it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Circle {
-    /// The curve, and the strips.
+    /// The approximate invariant curve, and the strips that the proof is in.
     pub candidate: Candidate,
     /// The constants of the theorem.
     pub constants: Constants,

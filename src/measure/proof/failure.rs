@@ -5,7 +5,7 @@
 pub struct Failure {
     /// The inequality, with its number in the guide.
     pub inequality: &'static str,
-    /// The value that was found.
+    /// The value that was found for one side of the inequality.
     pub found: f64,
     /// The bound that it had to stay below or above.
     pub needed: f64,

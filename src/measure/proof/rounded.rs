@@ -45,7 +45,7 @@ impl Complex {
     pub fn above(self) -> f64 {
         up(up(up(self.re * self.re) + up(self.im * self.im)).sqrt())
     }
-    /// A lower bound of it.
+    /// A lower bound of the modulus of the number.
     pub fn below(self) -> f64 {
         // Squares that underflow are of moduli below 10⁻¹⁵⁰.
         let modulus = (self.re * self.re + self.im * self.im).sqrt();
