@@ -434,9 +434,15 @@ fn lists_that_cannot_be_are_refused() {
     );
     refuses(on_circle().with(psi().scaled(Scale::Epsilon)), &["conjugation", "no scale"]);
     let perturbation = Block::new(Part::Perturbation, henon(&[2]));
-    refuses(on_circle().with(near.clone()).with(perturbation), &["near-identity", "perturbation"]);
+    refuses(
+        on_circle().with(near.clone()).with(perturbation),
+        &["block 0 (`near-identity`)", "block 1 (`perturbation`)"],
+    );
     let slow = Block::new(Part::SlowMap, twist()).scaled(Scale::Time);
-    refuses(on_circle().with(slow).with(near), &["slow-map", "of order one"]);
+    refuses(
+        on_circle().with(slow).with(near),
+        &["block 0 (`slow-map`)", "of order one", "block 1"],
+    );
     refuses(
         on_circle().with(psi()).with(Block::new(Part::Chart, henon(&[2, 0]))),
         &["block 1", "chart", "width 0", "number 1"],

@@ -181,7 +181,10 @@ fn broken_models_are_refused() {
     names(with("gyroceptron-model", "gyroceptron-checkpoint"), &["model.json", "checkpoint"]);
     names(with("\"epsilon\": 0.01", "\"epsilon\": null"), &["model.json"]);
     names(with("\"epsilon\": 0.01", "\"epsilon\": 1e999"), &["model.json"]);
-    names(with("\"parameters\": [", "\"parameters\": [0.5,"), &["parameters", "43", "44"]);
+    names(
+        with("\"parameters\": [", "\"parameters\": [0.5,"),
+        &["parameters", "block 0", "43", "44"],
+    );
     names(with("0.123456789", "0.123456788"), &["model.json", "digest"]);
     names(with("\"digest\"", "\"digets\""), &["model.json", "digets"]);
     // Counts that would wrap around.

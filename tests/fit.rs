@@ -10,7 +10,7 @@ use gyroceptron::scene::NextStep;
 use gyroceptron::train::{
     ActionFit, AreaDefect, Checkpoint, Control, FamilyPairs, FitNote, FitOptions, Judgement, Limit,
     Loss, Optimiser, Outcome, Plateau, Progress, RampStage, Reading, Recipe, Starts, Stop,
-    TrainingObserver, TrainingOptions, TrainingStage,
+    TrainingObserver, TrainingOptions, TrainingRecord, TrainingStage,
 };
 
 use std::f64::consts::TAU;
@@ -554,6 +554,23 @@ fn a_plateau_is_no_lack_of_iterations() {
     };
     assert_eq!(judged(Stop::Iterations), Limit::Iterations);
     assert_eq!(judged(Stop::Plateau), Limit::Network);
+}
+
+/// A loss that stood still over so few iterations that were all it had is not at rest.
+#[test]
+fn few_iterations_do_not_show_a_loss_at_rest() {
+    let fitted = fit().run(pairs(150, 0.9, 1)).expect("trains");
+    let judged = |stop, iterations: u64| {
+        let mut outcome = Outcome { stop, ..fitted.outcome().clone() };
+        let first = outcome.history[0].clone();
+        let at = |iteration| TrainingRecord { iteration, loss: outcome.loss, ..first.clone() };
+        outcome.history = [0, iterations / 2, iterations].map(at).to_vec();
+        let of = Judgement::of(&outcome, &fitted.problem.pairs, None, fitted.nearest());
+        of.expect("orbits").limit
+    };
+    assert_eq!(judged(Stop::Iterations, 49), Limit::Iterations);
+    assert_eq!(judged(Stop::Iterations, 50), Limit::Network);
+    assert_eq!(judged(Stop::Plateau, 49), Limit::Network);
 }
 
 /// Of the flows of a fast and a slow plane, at ε and flow times at random, the first plane fast or the second.

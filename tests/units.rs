@@ -599,6 +599,9 @@ fn a_preparation_tells_the_angle_and_the_slow_time() {
     assert_eq!((&found.columns[..], &found.weights[..]), ("q1 p1 q2 p2", &[1, 0][..]));
     close(found.error, share(&pairs));
     close(found.as_given, share(&interleaved));
+    // Of a few pairs it would be chance.
+    assert!(Reading::better(&interleaved.thinned(20), &action).is_some());
+    assert!(Reading::better(&interleaved.thinned(19), &action).is_none());
     let told = found.describe();
     for error in [found.error, found.as_given] {
         assert!(told.contains(&format!("{:.1} %", 100.0 * error.sqrt())), "{told}");

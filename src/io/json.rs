@@ -663,7 +663,7 @@ pub fn parse_model(place: &str, bytes: &[u8]) -> Result<StoredModel, Error> {
     if file.parameters.len() != expected {
         return Err(Error::content(
             format!("{place}: parameters"),
-            format!("{expected} numbers"),
+            format!("{expected} numbers, {}", file.architecture.count_of_each()),
             file.parameters.len(),
         ));
     }

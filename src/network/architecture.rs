@@ -409,7 +409,7 @@ impl Architecture {
     }
 
     /// What its parameters are of, with the number of each.
-    pub(super) fn count_of_each(&self) -> String {
+    pub(crate) fn count_of_each(&self) -> String {
         let ranges = self.block_ranges();
         let of = |(block, range): (&Block, Range<usize>)| {
             format!("{} of {}", range.len(), self.called(block))

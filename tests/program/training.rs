@@ -367,6 +367,18 @@ fn trajectories_that_leave_the_box_of_polynomials_are_told() {
     assert!(!path.join("s.npy").exists());
     let output = predict("i.npy", &["--outside", "ignore"]);
     assert!(output.status.success() && output.stderr.is_empty(), "{}", text(&output.stderr));
+    // An orbit that polynomials send to infinity takes no other with it.
+    let far = [far[..4].to_vec(), vec![0.1, 1e200, 0.1, 0.1]].concat();
+    write_points(&path.join("far.npy"), &[2, 4], &far).expect("written");
+    for (file, outside) in [("w.npy", "warn"), ("i.npy", "ignore")] {
+        let output = predict(file, &["--outside", outside, "--overwrite"]);
+        let told = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(0), "{told}");
+        assert_eq!(told.contains("rows 1,"), outside == "warn", "{told}");
+        let states = last_numbers(&path.join(file), 8);
+        assert!(states[..4].iter().all(|v| v.is_finite()), "{states:?}");
+        assert!(states[4..].iter().all(|v| v.is_nan()), "{states:?}");
+    }
     for (wrong, words) in [
         (["--kicks", "2x2^0"], ["degree", "0"]),
         (["--kicks", "2x2^65"], ["degree", "65"]),
