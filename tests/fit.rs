@@ -562,8 +562,8 @@ fn few_iterations_do_not_show_a_loss_at_rest() {
     let fitted = fit().run(pairs(150, 0.9, 1)).expect("trains");
     let judged = |stop, iterations: u64| {
         let mut outcome = Outcome { stop, ..fitted.outcome().clone() };
-        let first = outcome.history[0].clone();
-        let at = |iteration| TrainingRecord { iteration, loss: outcome.loss, ..first.clone() };
+        let first = outcome.history[0];
+        let at = |iteration| TrainingRecord { iteration, loss: outcome.loss, ..first };
         outcome.history = [0, iterations / 2, iterations].map(at).to_vec();
         let of = Judgement::of(&outcome, &fitted.problem.pairs, None, fitted.nearest());
         of.expect("orbits").limit

@@ -93,7 +93,7 @@ impl Integrator {
     }
 
     /// Whether it uses an average over the fast angle that was worked out on paper for its system.
-    pub(crate) fn is_closed_average(self) -> bool {
+    pub fn is_closed_average(self) -> bool {
         self.method().is_closed_average()
     }
 

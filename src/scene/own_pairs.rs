@@ -20,8 +20,8 @@ use crate::measure::trajectories::{
 use crate::network::{NetworkSpec, Structure};
 use crate::scalar::max_or_nan;
 use crate::train::{
-    ActionTrial, FEW_ITERATIONS, Fit, FitNote, Fitted, Judgement, Limit, Optimiser, Outcome,
-    Problem, Scheduled, Stop,
+    ActionTrial, Fit, FitNote, Fitted, Judgement, Limit, Optimiser, Outcome, Problem, Scheduled,
+    Stop,
 };
 use serde::Serialize;
 use serde_json::json;
@@ -97,7 +97,7 @@ impl NextStep {
         // Starts may have taken more than were asked for.
         let taken = options.iterations.max(outcome.best.iteration);
         let more = Self::Iterations(taken.saturating_mul(2));
-        if outcome.stop == Stop::Iterations && taken < FEW_ITERATIONS {
+        if outcome.stop == Stop::Iterations && taken < Limit::FEW_ITERATIONS {
             return more;
         }
         let architecture = outcome.model.architecture();

@@ -111,8 +111,8 @@ impl NearlyPeriodic for VanDerPol {
         let second = (order == 2).then(|| [[S::zero(); 2]; 6]);
         Some(AverageConstants { second, ..AverageConstants::zero() })
     }
-    /// With a = q₁ + ip₁, r = |a|² and s = 1 − q₂: a′ = εa(½s − ⅛r), p₂′ = −εq₂ − εγp₂ + ¼εr. Of second order
-    /// + iε²a(⅛s² − 3/16 rs + 11/256 r²): for r = 4, q₂ = 0 the frequency falls by ε²/16, as that of van der Pol's
+    /// With a = q₁ + ip₁, r = |a|² and s = 1 − q₂: a′ = εa(½s − ⅛r), p₂′ = −εq₂ − εγp₂ + ¼εr. The second order adds
+    /// iε²a(⅛s² − 3/16 rs + 11/256 r²) to a′: for r = 4, q₂ = 0 the frequency falls by ε²/16, as that of van der Pol's
     /// oscillator does.
     #[inline(always)]
     fn averaged_field<S: Elementary>(

@@ -48,9 +48,6 @@ const LEARNT: f64 = 0.5;
 /// areas change by.
 const LITTLE: f64 = 0.01;
 
-/// Fewer iterations do not show whether a loss is at rest.
-pub const FEW_ITERATIONS: u64 = 50;
-
 /// What limits a training, from its losses on training and held-out pairs.
 pub fn limit(loss: f64, validation: Option<f64>, history: &[TrainingRecord]) -> Limit {
     let Some(last) = history.last() else { return at_rest(validation) };
@@ -96,6 +93,9 @@ fn at_rest(validation: Option<f64>) -> Limit {
 }
 
 impl Limit {
+    /// Fewer iterations do not show whether a loss is at rest.
+    pub const FEW_ITERATIONS: u64 = 50;
+
     /// What limits the training in words.
     pub fn words(self) -> &'static str {
         match self {
@@ -333,7 +333,7 @@ impl Judgement {
         };
         let own = OwnInvariance::measure(model, starts, STEPS);
         let validation = outcome.best.validation;
-        let few = outcome.history.last().is_some_and(|last| last.iteration < FEW_ITERATIONS);
+        let few = outcome.history.last().is_some_and(|last| last.iteration < Limit::FEW_ITERATIONS);
         let limit = match limit(outcome.loss, validation, &outcome.history) {
             // It was ended because it was at rest.
             Limit::Iterations if outcome.stop == Stop::Plateau => at_rest(validation),

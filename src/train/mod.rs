@@ -51,7 +51,6 @@ pub use control_options::ControlOptions;
 pub use fit::{FamilyPairs, Fit};
 pub use fit_note::FitNote;
 pub use fit_options::{FitOptions, Recipe};
-pub(crate) use judgement::FEW_ITERATIONS;
 pub use judgement::{AreaDefect, Judgement, Limit, Orbits, PlaneError, Trust};
 pub use lbfgs::{LbfgsOptions, Scaling};
 pub use levenberg_marquardt::LevenbergMarquardtOptions;
