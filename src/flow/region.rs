@@ -103,7 +103,7 @@ pub struct Exit<T> {
     pub states: usize,
     /// The number of all kept states.
     pub of: usize,
-    /// The row, among the initial points, of the trajectory to which the first state outside belongs, …
+    /// The row, among the initial points, of the trajectory to which the first state outside belongs.
     pub row: usize,
     /// The number of steps after which that trajectory is outside for the first time.
     pub step: usize,
@@ -118,7 +118,7 @@ pub type RegionExit = Exit<OutsideRegion>;
 /// States outside the box of a network's polynomials.
 pub type PolynomialExit = Exit<OutsidePolynomials>;
 
-/// States outside the box of a section, or where a polynomial has no image.
+/// States outside the box of a section, or where polynomials have no finite image.
 pub type SectionExit = Exit<OutsideSection>;
 
 /// A state outside of the box of its section: nothing is known of it.
@@ -187,7 +187,7 @@ impl<T> Exit<T> {
 }
 
 /// States (T, M, dim), `row` numbers for each time, become NaN from the first on that is not of finite numbers: what
-/// has left a section once is lost, whatever a map makes of it.
+/// has left a section once, or the numbers that polynomials have an image of, is lost, whatever a map makes of it.
 pub(crate) fn lose_rest(states: &mut [f64], row: usize, dim: usize) {
     for k in (0..states.len()).step_by(dim) {
         let is_lost = |z: &[f64]| z.iter().any(|v| !v.is_finite());
@@ -210,8 +210,11 @@ impl SectionExit {
     /// Says in words which states are outside, and the first of them. Without a section they are those of a polynomial,
     /// which has no image so far out.
     pub fn describe(&self, has_section: bool) -> String {
-        let what =
-            if has_section { "the section" } else { "the pairs, where the map has no image" };
+        let what = if has_section {
+            "the section"
+        } else {
+            "the pairs, where the map has no finite image"
+        };
         self.sentence(what, "it and all later ones are NaN")
     }
 }

@@ -245,8 +245,8 @@ impl StoredModel {
     }
 
     /// [`StoredModel::rollout_along`] of orbits that may leave the box of a section, or that polynomials may send to
-    /// infinity from outside of theirs: the state that is kept there and all later ones are NaN. Without either it is
-    /// the same.
+    /// infinity from outside of theirs: the state that is kept there and all later ones are NaN. Without either, or on a
+    /// grid, it is the same.
     ///
     /// # Errors
     /// Those of [`StoredModel::rollout_along`], but for orbits that are lost in this way.

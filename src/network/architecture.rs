@@ -405,7 +405,11 @@ impl Architecture {
     /// A block of this architecture as errors name it, by its number and its name.
     fn called(&self, block: &Block) -> String {
         let number = self.blocks.iter().position(|other| other.name == block.name);
-        format!("block {} (`{}`)", number.unwrap_or(self.blocks.len()), block.name)
+        let number = number.unwrap_or(self.blocks.len());
+        match &block.name[..] {
+            "" => format!("block {number}"),
+            name => format!("block {number} (`{name}`)"),
+        }
     }
 
     /// What its parameters are of, with the number of each.
@@ -418,7 +422,12 @@ impl Architecture {
         if self.has_circle() {
             all.push(format!("{} of {}", self.circles.len(), Self::THETA));
         }
-        all.join(", ")
+        let once: usize = self.block_ranges().last().map_or(0, |range| range.end)
+            + if self.has_circle() { self.circles.len() } else { 0 };
+        let times = self.parameter_count() / once.max(1);
+        let times =
+            if times > 1 { format!(", each {times} times, for controls") } else { String::new() };
+        all.join(", ") + &times
     }
 
     /// Fails where polynomials have no box yet.

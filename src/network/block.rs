@@ -596,7 +596,9 @@ impl Block {
     /// Fails unless its layers can play its part, in a network with circles or without.
     pub(super) fn check(&self, of: Surroundings, has_circles: bool) -> Result<(), Error> {
         let refused = |found: &str, expected: &str| {
-            Err(Error::invalid(&format!("`{}`", self.name), found, expected))
+            let name =
+                if self.name.is_empty() { "layers".into() } else { format!("`{}`", self.name) };
+            Err(Error::invalid(&name, found, expected))
         };
         let sane = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
         if !self.name.chars().all(sane) {

@@ -197,8 +197,8 @@ impl Model {
     /// Trajectories from `points`, (..., 2n), in units of the data: an array (abs(steps) // every + 1, ..., 2n), the
     /// points themselves first. `outside` says what to do when a trajectory leaves the box of the training points by
     /// more than a hundredth of its width, or the box of the network's polynomials, if it has any: "warn"
-    /// (UserWarning), "stop" (an Error) or "ignore". A trajectory that leaves the box of a section is NaN from there
-    /// on.
+    /// (UserWarning), "stop" (an Error) or "ignore". A trajectory that leaves the box of a section, or that
+    /// polynomials send to infinity from outside of theirs, is NaN from there on.
     ///
     /// Negative `steps` apply the inverse map. With grid=B the first state and every increment are rounded to a grid of
     /// 2^-B in the coordinates of the network: as many steps back from the last state then lead to the first one, bit
@@ -207,7 +207,7 @@ impl Model {
     /// are not bijections of a grid: Error.
     ///
     /// Raises Error when points are no real, finite numbers, have a mask or another last dimension, or a
-    /// state leaves the finite numbers. Ctrl-C stops it within a second, as the other methods.
+    /// state of a network without polynomials and section leaves the finite numbers. Ctrl-C stops it within a second, as the other methods.
     #[pyo3(signature = (points, steps=1, every=1, outside="warn", grid=None, grid_numbers=None))]
     #[allow(clippy::too_many_arguments)]
     fn predict<'py>(
@@ -265,7 +265,11 @@ impl Model {
                 left.map(|(left, region)| left.describe(region, self.stored.section.is_some()));
             let lost = SectionExit::of(&states, self.dof(), count, every);
             let beyond = self.stored.leaves_polynomials(&states, count, every);
-            [left, lost.map(|lost| lost.describe(true)), beyond.map(|beyond| beyond.describe())]
+            [
+                left,
+                lost.map(|lost| lost.describe(self.stored.section.is_some())),
+                beyond.map(|beyond| beyond.describe()),
+            ]
         })?;
         array(py, states, points.shape(&[request.kept()], &[dim]))
     }
@@ -597,9 +601,10 @@ impl Model {
         let (initial, dim) = (&points.values, 2 * self.dof());
         let request = Rollout { steps, every: 1 };
         let along = Course::default();
-        let states =
-            interruptible(py, |pace| self.stored.rollout_along(along, initial, request, pace))?
-                .states;
+        let states = interruptible(py, |pace| {
+            self.stored.rollout_until_lost(along, initial, request, pace)
+        })?
+        .states;
         let style = PyDict::new(py);
         style.set_item("markersize", 1)?;
         for orbit in 0..initial.len() / dim {

@@ -144,7 +144,7 @@ impl NextStep {
                 "little is learnt with the circle action that was given; short trainings may find another"
                     .into()
             }
-            Self::Iterations(_) => "the loss was still falling, or so few iterations do not say".into(),
+            Self::Iterations(_) => "the loss was still falling, or there were too few iterations to say".into(),
             Self::HoldOut => {
                 format!("a verdict takes {} pairs that the training does not see", Judgement::FEWEST)
             }

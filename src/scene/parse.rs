@@ -42,8 +42,8 @@ pub fn parse(place: &str, text: &str) -> Result<Scene, Error> {
     Ok(scene)
 }
 
-/// Fills in what a scene leaves open of trainings on pairs of a file, in its parts too: the flow time 1, a loss by plane,
-/// Levenberg–Marquardt until it is at rest, and several initial weights, of which `starts = { count = 1, … }` asks for
+/// Fills in what a scene leaves open of trainings on pairs of a file, in its parts too: the flow time 1, a loss by
+/// plane, Levenberg–Marquardt until it is at rest, and several initial weights, of which `starts = { count = 1, … }` asks for
 /// one.
 fn recommend(scene: &mut Scene, given: &toml::Value) {
     let items = |of: &toml::Value, key: &str| -> Vec<toml::Value> {

@@ -16,7 +16,7 @@ use std::path::PathBuf;
 pub struct Setup {
     /// The system whose flow map is learnt.
     pub system: Option<System>,
-    /// The time of the flow map.
+    /// The time of the flow map; 1 for pairs of a file unless it is given.
     pub flow_time: Option<f64>,
     /// Where the training pairs are.
     pub data: Option<Data>,

@@ -65,7 +65,8 @@ pub trait NearlyPeriodic: Hamiltonian {
     }
 
     /// The functions of the actions at z that [`NearlyPeriodic::averaged_field`] takes as constants, since the
-    /// averaged flow conserves them, for an average of first or second order; None where it has no closed form.
+    /// averaged flow conserves them, for an average of first or second order; all 0 where it takes none. None where it has
+    /// no closed form.
     #[inline(always)]
     fn average_constants<S: Elementary>(
         &self,
@@ -80,7 +81,8 @@ pub trait NearlyPeriodic: Hamiltonian {
     /// It exists where [`NearlyPeriodic::average_constants`] does; elsewhere `out` is NaN.
     ///
     /// With constants of second order it is the vector field of ⟨H₁⟩ − ½⟨{S, H̃₁}⟩. H₁ is the Hamiltonian minus that of
-    /// the limit, H̃₁ = H₁ − ⟨H₁⟩, and S is the integral of H̃₁ by the angle over ω₀, with average 0.
+    /// the limit, H̃₁ = H₁ − ⟨H₁⟩, and S is the integral of H̃₁ by the angle over ω₀, with average 0. Of a system that is
+    /// not Hamiltonian it is ⟨f⟩ + ⟨Df·u⟩, with f and u of [`Averaged`](crate::flow::Averaged).
     #[inline(always)]
     fn averaged_field<S: Elementary>(
         &self,

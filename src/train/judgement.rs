@@ -25,7 +25,7 @@ pub const STEPS: usize = OwnInvariance::ITERATIONS;
 pub enum Limit {
     /// The held-out error is far above the loss.
     Data,
-    /// The loss was still falling.
+    /// The loss was still falling, or there were fewer than [`Limit::FEW_ITERATIONS`].
     Iterations,
     /// Neither pairs nor iterations: the network, or the point where its optimiser came to rest.
     Network,

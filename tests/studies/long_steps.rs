@@ -305,7 +305,7 @@ fn other_initial_weights_have_errors_and_gains() {
     let lost = text.lines().find(|line| line.contains("time 200") && line.contains("all others"));
     let lost = lost.expect("a row");
     assert!(lost.contains("time 200 | – | – | – |"), "{lost}");
-    assert!(lost.contains("none errs as little") && text.contains("| – | – | 3 |"), "{text}");
+    assert!(lost.contains("it has lost the points") && text.contains("| – | – | 3 |"), "{text}");
 }
 
 /// Only flow times to which the ramp leads up have twists that are trained alone.

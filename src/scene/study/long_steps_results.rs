@@ -71,6 +71,12 @@ impl OfNetwork {
 }
 
 impl AtTime {
+    /// How many steps pay for what was paid before, where each takes fewer seconds for unit time than a rival's.
+    fn pays_after(&self, rival: AtError<'_>, paid: f64, seconds: f64) -> Option<f64> {
+        let paid = (paid - TableCost::seconds_of(&self.tables, rival.method)).max(0.0);
+        break_even(paid, seconds * self.flow_time, rival.seconds * self.flow_time)
+    }
+
     /// What does not depend on the machine.
     pub(super) fn data(&self) -> serde_json::Value {
         let networks: Vec<_> = self
@@ -135,8 +141,7 @@ impl<'a> Against<'a> {
     /// How many steps of a flow time pay for what was paid before, where each is faster than those of a rival.
     /// What a table cost is paid on the other side.
     fn pays_after(&self, rival: AtError<'_>, paid: f64, at: &AtTime) -> Option<f64> {
-        let paid = (paid - TableCost::seconds_of(&at.tables, rival.method)).max(0.0);
-        break_even(paid, self.seconds * at.flow_time, rival.seconds * at.flow_time)
+        at.pays_after(rival, paid, self.seconds)
     }
 
     /// Every integrator, where its curve comes to the error of the network.
@@ -263,10 +268,9 @@ impl Results {
                         let named =
                             || against.comparison.methods.iter().filter(move |m| m.name == name);
                         let least = || named().filter_map(|m| m.error).min_by(f64::total_cmp);
-                        let failure = match found {
-                            Some(_) => None,
-                            None => named().find_map(|m| m.failure.as_ref()),
-                        };
+                        // Of a rival that came to a result with other steps its least error says more.
+                        let failed = named().all(|m| m.failure.is_some());
+                        let failure = named().find_map(|m| m.failure.as_ref()).filter(|_| failed);
                         table.push([
                             match failure {
                                 Some(reason) => format!("{name}: {reason}").into(),
@@ -323,7 +327,7 @@ impl Results {
     }
 
     /// What they leave of the gains, beside each kind of rival.
-    pub(super) fn gains_of_seeds(&self) -> Option<Block> {
+    pub(super) fn gains_of_seeds(&self) -> Vec<Block> {
         let mut table = SeedGains::table();
         for at in &self.times {
             let kind = |method: &WorkPrecision| {
@@ -341,9 +345,9 @@ impl Results {
                     (format!("one step of {}", at.flow_time), &of.one_step, &at.one_step),
                     (format!("time {}", self.duration), &of.trajectories, &at.trajectories),
                 ] {
-                    let against = Against::new(comparison, &of.network);
-                    let pays_after =
-                        |rival: AtError<'_>| against.as_ref()?.pays_after(rival, own?.paid(), at);
+                    let pays_after = |rival: AtError<'_>, seconds: f64| {
+                        at.pays_after(rival, own?.paid(), seconds)
+                    };
                     let gains = SeedGains {
                         network: &of.network,
                         what,
@@ -356,7 +360,13 @@ impl Results {
                 }
             }
         }
-        (!table.is_empty()).then_some(Block::Table(table))
+        if table.is_empty() {
+            return Vec::new();
+        }
+        let words = "How many times as long the fastest rival of each kind takes that errs no more, at the error from \
+                     the best, the median and the worst initial weights; times and seconds of training are those of \
+                     the first. Below 1 the rival is faster.";
+        vec![Block::Text(words.into()), Block::Table(table)]
     }
 
     pub(super) fn one_step(&self) -> Table {
@@ -401,12 +411,17 @@ impl Results {
                         against.error,
                         named(best.method),
                     ),
+                    (times, Some((_, _, _, gain))) if gain <= 1.0 => format!(
+                        "errs less than every rival tried at flow times {}; at all others the fastest rival that errs \
+                         no more is faster",
+                        times.join(", ")
+                    ),
                     (times, Some((at, against, best, gain))) => {
                         let own = at.networks.iter().find(|own| own.name == network.name);
                         let pays = own.and_then(|own| against.pays_after(best, own.paid(), at));
                         let pays = pays.map_or_else(String::new, |steps| {
                             format!(
-                                ", which pays for pairs and training after {} steps",
+                                "; pairs and training are paid for after {} steps",
                                 Format::Significant.number(steps)
                             )
                         });

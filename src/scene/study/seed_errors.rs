@@ -1,7 +1,6 @@
 //! What other initial weights change in a comparison of networks with their rivals.
 
 use super::over_seeds::MedianAndWorst;
-use super::shared::finite;
 use super::step_tables::named;
 use super::work_precision::Points;
 use crate::error::Error;
@@ -118,8 +117,8 @@ pub(super) struct SeedGains<'a> {
     pub(super) errors: &'a [f64],
     pub(super) comparison: &'a Comparison,
     pub(super) kind: &'a dyn Fn(&WorkPrecision) -> RivalKind,
-    /// How many steps pay for the network beside a rival that is slower.
-    pub(super) pays_after: &'a dyn Fn(AtError<'_>) -> Option<f64>,
+    /// How many steps, of so many seconds for unit time, pay for the network beside a rival that is slower.
+    pub(super) pays_after: &'a dyn Fn(AtError<'_>, f64) -> Option<f64>,
 }
 
 impl SeedGains<'_> {
@@ -136,7 +135,7 @@ impl SeedGains<'_> {
             ("times as long: at the best", Format::Factor),
             ("at the median", Format::Factor),
             ("at the worst", Format::Factor),
-            ("one alone, at the median", Format::Factor),
+            ("one alone, of the rival that is then fastest", Format::Factor),
             ("the fastest at the median", Format::Exact),
             ("steps that pay, at the median", Format::Significant),
         ])
@@ -150,14 +149,9 @@ impl SeedGains<'_> {
         let Some(seconds) = own.seconds else { return };
         let (seconds, alone) = (seconds.median, own.alone.map(|spread| spread.median));
         let lost = self.comparison.lost();
-        let mut errors: Vec<f64> =
-            self.errors.iter().map(|e| if *e <= lost { *e } else { f64::INFINITY }).collect();
-        errors.sort_by(f64::total_cmp);
-        let [Some(best), Some(median), Some(worst)] =
-            [0, errors.len() / 2, errors.len() - 1].map(|k| errors.get(k).copied())
-        else {
-            return;
-        };
+        let kept = |error: &f64| (*error <= lost).then_some(*error);
+        let best = self.errors.iter().filter_map(kept).min_by(f64::total_cmp);
+        let MedianAndWorst { median, worst } = MedianAndWorst::of(self.errors.iter().map(kept));
         for kind in RivalKind::ALL {
             let of_kind =
                 |method: &&WorkPrecision| method.setting.is_some() && (self.kind)(method) == kind;
@@ -165,17 +159,20 @@ impl SeedGains<'_> {
             if rivals.is_empty() {
                 continue;
             }
-            let at = |error: f64| finite(error).and_then(|error| AtError::fastest(&rivals, error));
-            let gain = |error: f64| at(error).map(|rival| rival.seconds / seconds);
+            let at = |error: Option<f64>| AtError::fastest(&rivals, error?);
+            let gain = |error: Option<f64>| at(error).map(|rival| rival.seconds / seconds);
             let at_median = at(median);
-            let none = || "none errs as little".to_owned();
-            let name = at_median.map_or_else(none, |rival| named(rival.method));
+            let name = match (median, at_median) {
+                (None, _) => "it has lost the points".to_owned(),
+                (Some(_), None) => "none errs as little".to_owned(),
+                (Some(_), Some(rival)) => named(rival.method),
+            };
             table.push([
                 format!("`{}`", self.network).into(),
                 self.what.clone().into(),
-                finite(best).into(),
-                finite(median).into(),
-                finite(worst).into(),
+                best.into(),
+                median.into(),
+                worst.into(),
                 (seconds * MICRO).into(),
                 alone.map(|alone| alone * MICRO).into(),
                 kind.name().into(),
@@ -184,15 +181,15 @@ impl SeedGains<'_> {
                 gain(worst).into(),
                 fastest_alone(&rivals, median).zip(alone).map(|(rival, own)| rival / own).into(),
                 name.into(),
-                at_median.and_then(|rival| (self.pays_after)(rival)).into(),
+                at_median.and_then(|rival| (self.pays_after)(rival, seconds)).into(),
             ]);
         }
     }
 }
 
 /// The seconds of one trajectory alone of the rival that then takes the shortest.
-fn fastest_alone(rivals: &[WorkPrecision], error: f64) -> Option<f64> {
-    let of = |rival: &WorkPrecision| AtError::of_curve(rivals, &rival.name, finite(error)?)?.alone;
+fn fastest_alone(rivals: &[WorkPrecision], error: Option<f64>) -> Option<f64> {
+    let of = |rival: &WorkPrecision| AtError::of_curve(rivals, &rival.name, error?)?.alone;
     rivals.iter().filter_map(of).min_by(f64::total_cmp)
 }
 
