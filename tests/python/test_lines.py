@@ -137,6 +137,12 @@ def test_manifolds_and_chaos_of_a_model():
     other = model.manifold([0.01, 0.0], forward=False, **short)
     assert np.dot(out[-1] - fixed, other[-1] - fixed) < 0
     assert 0 <= model.alignment_index(fixed, 40) < 1e-12
+    # An orbit that polynomials send to infinity is lost alone, and is told.
+    with warnings.catch_warnings(record=True) as found:
+        warnings.simplefilter("always")
+        far = model.predict([[0.1, 0.1], [1e200, 0.0]], 3)
+    assert np.isfinite(far[:, 0]).all() and np.isnan(far[-1, 1]).all()
+    assert any("no finite image" in str(one.message) for one in found), found
     with pytest.raises(gyroceptron.Error, match="residue"):
         model.manifold([np.pi, 0.0], **short)
     polynomial = gyroceptron.SymplecticPolynomial(before, after, 11)
