@@ -12,9 +12,10 @@ use gyroceptron::measure::{
     fuzz, jacobian, laws,
     ratios::{
         Adjoint, CircleAxiom, Conditioned, RESOLVED, RoundingPropagation, action_ratio,
-        adjoint_ratio, conjugated_axiom_ratio, determinant_ratio, differing_components,
-        equivariance_ratio, inversion_ratio, near_identity_inversion, near_identity_rms,
-        near_identity_size, symplecticity_ratio, symplecticity_scale, turning_axiom_ratio,
+        adjoint_ratio, circle_axiom_ratio, conjugated_axiom_ratio, determinant_ratio,
+        differing_components, equivariance_ratio, inversion_ratio, near_identity_inversion,
+        near_identity_rms, near_identity_size, symplecticity_ratio, symplecticity_scale,
+        turning_axiom_ratio,
     },
     steps::{KickStep, Magnitudes, MeasuredStep, MeasuredSteps, turn_steps},
 };
@@ -380,6 +381,18 @@ fn axioms_are_measured_in_units_of_the_radius() {
     // What is to be the identity has no bound.
     let found = turning_axiom_ratio(&[2, 0], more, CircleAxiom::Identity, &z);
     assert_eq!(found, f64::INFINITY);
+    // Of an action itself it is the same of its turns, which rounding alone moves.
+    let action = CircleAction::new([2, 1]);
+    let own = |angle: f64, z: &mut [f64]| action.turn_by(angle).apply(z, false);
+    let mut largest = 0.0;
+    for axiom in [CircleAxiom::Periodicity(angle), sum, CircleAxiom::Inverse(a)] {
+        let z = [3.1, 4.2, 0.7, -1.3];
+        let found = circle_axiom_ratio(&action, axiom, &z);
+        assert_eq!(found, turning_axiom_ratio(&[2, 1], own, axiom, &z), "{axiom:?}");
+        assert!(found < 1.0, "{axiom:?}: {found}");
+        largest = max_or_nan(largest, found);
+    }
+    assert!(largest > 0.0, "nothing is rounded");
 
     let family = Family { psi: Chain::of([2.0, 0.0, 0.0, 0.5]), slip: 1e-9, delta: [6.0, 8.0] };
     let z = [4.0, 0.5];

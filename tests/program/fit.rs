@@ -116,7 +116,10 @@ fn a_polynomial_is_fitted_predicts_and_is_certified() {
     let lost = |more: &[&str]| call(path, &[&words[..], more, &["--steps", "5"]].concat());
     let said = lost(&["lost-5.npy"]);
     let note = text(&said.stderr);
-    assert!(said.status.success() && note.contains("no image") && note.contains("row 0"), "{note}");
+    assert!(
+        said.status.success() && note.contains("no finite image") && note.contains("row 0"),
+        "{note}"
+    );
     let states = last_numbers(&path.join("lost-5.npy"), 4);
     assert!(states[0].is_nan() && states[1].is_nan() && states[2..].iter().all(|v| v.is_finite()));
     assert_eq!(lost(&["no.npy", "--outside", "stop"]).status.code(), Some(1));
