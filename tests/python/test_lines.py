@@ -487,7 +487,7 @@ def test_orbits_that_a_polynomial_loses_are_told():
     with pytest.warns(UserWarning, match="rows 1, the first from row 1 after 100 steps: it and all later ones are NaN"):
         states = henon.predict(start, 400, every=100)
     assert np.isfinite(states[:, 0]).all() and np.isnan(states[1:, 1]).all()
-    with pytest.raises(gyroceptron.Error, match="no image"):
+    with pytest.raises(gyroceptron.Error, match="no finite image"):
         henon.predict(start, 400, every=100, outside="stop")
     assert henon.survival([[0.75, -0.3], [0.1, 0.1]], 2, [-0.7, -0.7], [0.7, 0.7]).tolist() == [0, 3]
     assert henon.dynamic_aperture([0, 0], [[1, 0]], [0.1, 0.2, 0.72], 1, [-0.7, -1], [0.7, 1]).tolist() == [0.2]
