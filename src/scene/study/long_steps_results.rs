@@ -1,6 +1,6 @@
 //! What a comparison of long steps found: its tables, words and figures.
 
-use super::seed_errors::{RivalKind, SeedErrors, SeedGains};
+use super::seed_errors::{MICRO, RivalKind, SeedErrors, SeedGains};
 use super::step_tables::{TableCost, named};
 use super::work_precision::work_precision_panel;
 use crate::flow::TableKind;
@@ -168,8 +168,6 @@ pub(super) struct Results {
     pub(super) closed: Vec<String>,
     pub(super) times: Vec<AtTime>,
 }
-
-const MICRO: f64 = 1e6;
 
 impl Results {
     pub(super) fn errors(&self) -> Table {

@@ -193,4 +193,5 @@ fn fastest_alone(rivals: &[WorkPrecision], error: Option<f64>) -> Option<f64> {
     rivals.iter().filter_map(of).min_by(f64::total_cmp)
 }
 
-const MICRO: f64 = 1e6;
+/// Microseconds in a second.
+pub(super) const MICRO: f64 = 1e6;
