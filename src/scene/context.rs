@@ -189,6 +189,11 @@ impl<'a> Context<'a> {
                     made => Ok(made?),
                 }
             })?;
+            // A wrong stage is seen before the first of several trainings.
+            let own = (file.epsilon, time);
+            for model in &self.scene.setup.models {
+                self.stages(&self.scene.setup.training_of(model).ramp, own, &made)?;
+            }
             return Ok(Rc::clone(self.data.insert(Rc::new(made))));
         }
         if declared.lines.is_some() {

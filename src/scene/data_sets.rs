@@ -3,17 +3,18 @@
 use super::line_data::TracedLines;
 use super::notes::Note;
 use super::setup::{Data, FlowBy};
-use super::target_flow::{FileData, TargetFlow, check_one_map};
+use super::target_flow::{FileData, TargetFlow, read_own_pairs};
 use crate::error::Error;
 use crate::flow::{Pairs, Region};
-use crate::io::{PairsFile, read_pairs};
 use crate::layer::{Reversor, TorusAction};
 use crate::measure::trajectories::{limiting_flow_error, root_mean_square, rotation_error};
 use crate::network::{Controls, NetworkSpec};
 use crate::phase::{Section, Units};
 use crate::scalar::max_or_nan;
 use crate::system::{Counted, Hamiltonian, NearlyPeriodic, System};
-use crate::train::{AreaDefect, Control, Fit, FitNote, Preparation, Prepared, fit_rotations};
+use crate::train::{
+    AreaDefect, Control, FamilyPairs, Fit, FitNote, Preparation, Prepared, fit_rotations,
+};
 use serde::{Deserialize, Serialize};
 
 /// The pairs of a flow map, for training and held out.
@@ -135,8 +136,14 @@ impl DataSets {
         go_on: &mut dyn FnMut() -> Result<Control, Error>,
     ) -> Result<Self, Error> {
         let place = file.pairs.display().to_string();
-        let PairsFile { pairs, unused, single_precision, .. } = read_pairs(file.pairs)?;
-        check_one_map(file.pairs, &pairs)?;
+        let own = read_own_pairs(file.pairs)?;
+        let (unused, single_precision) = (own.unused.clone(), own.single_precision);
+        let data = FamilyPairs::from(own);
+        let is_family = data.has_epsilons || data.has_times;
+        if data.has_epsilons && !file.is_epsilon_given {
+            let expected = "the ε of the networks, since the pairs give one for each";
+            return Err(Error::invalid("data.epsilon", "none", expected).with_place(&place));
+        }
         let action = TargetFlow::File(file).torus();
         let fit = Fit {
             place: place.clone(),
@@ -147,14 +154,22 @@ impl DataSets {
             seed,
             ..Fit::default()
         };
-        let fit_notes = fit.notes_on(&pairs, networks, go_on)?;
+        for network in networks.iter().filter(|_| is_family) {
+            if !network.architecture(&action, file.epsilon, time)?.has_circle() {
+                let found = format!("epsilon or flow_time in {place}");
+                let expected = "a gyroceptron to learn a family";
+                return Err(Error::invalid("models", found, expected));
+            }
+        }
+        let mut fit_notes = fit.notes_on(data.clone(), networks, go_on)?;
+        let (given, digest) = (data.pairs.region(), data.pairs.digest());
+        let pairs = fit.charted(fit.placed(data))?;
+        fit_notes.extend(FitNote::of_negative_epsilons(&pairs, file.epsilon));
         let area_defects = fit_notes.iter().filter_map(FitNote::area_defect).collect();
         // Reports describe the section beside the pairs.
         let says = |note: &&FitNote| note.is_warning() || !matches!(note, FitNote::Section(_));
         let mut notes: Vec<String> = file.found.into_iter().map(str::to_owned).collect();
         notes.extend(fit_notes.iter().filter(says).map(FitNote::to_string));
-        let (given, digest) = (pairs.region(), pairs.digest());
-        let pairs = fit.charted(pairs)?;
         if single_precision {
             notes.push(Note::SinglePrecision.to_string());
         }

@@ -3,11 +3,10 @@
 use super::event::{Event, Observer};
 use super::registry::Scene;
 use super::setup::{PairsAction, Setup};
-use super::target_flow::{FoundAction, check_one_map, section_of};
+use super::target_flow::{FoundAction, read_own_pairs, section_of};
 use crate::error::Error;
-use crate::io::read_pairs;
 use crate::network::{Circles, NetworkSpec};
-use crate::train::{Control, Fit};
+use crate::train::{Control, FamilyPairs, Fit};
 use std::path::Path;
 
 impl Scene {
@@ -83,9 +82,8 @@ impl Setup {
         if let Some(PairsAction::Torus(torus)) = &data.circle_action {
             return Ok(Some(FoundAction::new(torus.clone(), None)));
         }
-        let pairs = read_pairs(path)?.pairs;
-        check_one_map(path, &pairs)?;
-        let section = data.section.as_deref().map(|path| section_of(path, pairs.dof()));
+        let pairs = FamilyPairs::from(read_own_pairs(path)?);
+        let section = data.section.as_deref().map(|path| section_of(path, pairs.pairs.dof()));
         let section = section.transpose()?;
         // Without networks, that of a normal form.
         let mut networks = self.models.iter().map(|model| &model.network);

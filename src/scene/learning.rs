@@ -12,8 +12,8 @@ use crate::flow::Trajectories;
 use crate::io::{Checkpoints, StoredModel, save_model};
 use crate::network::{Model, Rollout};
 use crate::train::{
-    Checkpoint, Control, Earlier, Objective, Outcome, Problem, Progress, RampStage, Scheduled,
-    StagePairs, Stop, TrainingObserver, TrainingOptions, TrainingRecord, TrainingStage,
+    Checkpoint, Control, Earlier, Fit, Objective, Outcome, Prepared, Problem, Progress, RampStage,
+    Scheduled, StagePairs, Stop, TrainingObserver, TrainingOptions, TrainingRecord, TrainingStage,
 };
 use std::rc::Rc;
 use std::time::Instant;
@@ -71,6 +71,34 @@ impl Context<'_> {
         let made = Rc::new(made);
         self.learnt.push(Rc::clone(&made));
         Ok(made)
+    }
+
+    /// The pairs of the stages of a ramp that leads to a map: of the same points, or those among the pairs of a file.
+    /// `own` are the ε and the flow time of the network.
+    pub(super) fn stages(
+        &mut self,
+        ramp: &[RampStage],
+        own: (f64, f64),
+        of_last: &DataSets,
+    ) -> Result<Vec<StagePairs>, RunError> {
+        let is_of_file = self.scene.setup.is_of_file();
+        let mut of = |stage: &RampStage| {
+            if is_of_file {
+                let (training, held_out) = (&of_last.training, of_last.validation());
+                return Ok(StagePairs::among(stage, own, training, held_out)?);
+            }
+            let epsilon = stage.epsilon.unwrap_or(own.0);
+            let time = stage.flow_time.unwrap_or(own.1);
+            let data = self.data_at(epsilon, time)?;
+            Ok(StagePairs {
+                epsilon,
+                time: time / own.1,
+                training: data.training.clone(),
+                held_out: data.validation().cloned(),
+                iterations: stage.iterations,
+            })
+        };
+        ramp.iter().map(&mut of).collect()
     }
 
     /// Each network that is not there for its training only, with the maps from all its initial weights.
@@ -141,7 +169,6 @@ fn learn_at(
     let (scene, folder) = (context.scene, context.folder);
     let target = context.target()?;
     let mut options = scene.setup.training_of(&spec).clone();
-    options.loss = loss_of(&options.loss, target, data)?;
     options.ramp = leading_up(&options, target.epsilon(), time, from.is_some());
     // Weights of an earlier flow time come with twists of their own, and where no stage leads
     // up there is no chart to train fresh ones in.
@@ -151,9 +178,6 @@ fn learn_at(
         return of_file(context, data, spec);
     }
     let architecture = spec.network.architecture(&action, epsilon, time)?;
-    let architecture =
-        architecture.in_box_of(data.training.points()).with_controls(data.controls.clone());
-    options.check_for(&architecture)?;
     let (nearest_action, nearest) = data.nearest_to(target);
     let theta = match (&data.nearest, &nearest[..]) {
         (Some(_), &[theta]) => theta,
@@ -166,40 +190,34 @@ fn learn_at(
     // That of a system has been found by the check of the set-up.
     let angles = own().or_else(|| target.angles(&architecture, theta, &data.training));
     let angles = angles.unwrap_or_else(|| vec![theta; architecture.circles.len()]);
-    let mut stages = Vec::new();
-    for stage in &options.ramp {
-        let stage_epsilon = stage.epsilon.unwrap_or(epsilon);
-        let stage_time = stage.flow_time.unwrap_or(time);
-        let data = context.data_at(stage_epsilon, stage_time)?;
-        stages.push(StagePairs {
-            epsilon: stage_epsilon,
-            time: stage_time / time,
-            training: data.training.clone(),
-            held_out: data.validation().cloned(),
-            iterations: stage.iterations,
-        });
-    }
-    let problem = Problem {
-        network: spec.network.clone(),
-        architecture,
-        weights: spec.weights,
-        training: options.clone(),
-        nearest,
-        action,
-        angles,
+    let prepared = Prepared {
         pairs: data.training.clone(),
         held_out: data.validation().cloned(),
         units: data.units.clone(),
-        section: data.section.as_ref().map(|(section, _)| section.clone()),
         region: data.region(),
-        flow_time: Some(time),
-        digest: data.digest.clone().unwrap_or_else(|| data.training.digest()),
-        seed: scene.seed.wrapping_add(number),
-        notes: Vec::new(),
-        epsilon,
-        stages,
-        from: from.map(|(model, earlier)| Earlier { model: model.clone(), time: time / earlier }),
+        nearest,
+        angles,
+        flow_time: time,
     };
+    let stages = context.stages(&options.ramp, (epsilon, time), data)?;
+    let fit = Fit {
+        place: format!("scene {}", scene.name),
+        action: Some(action),
+        network: Some(spec.network.clone()),
+        weights: spec.weights,
+        epsilon: Some(epsilon),
+        training: options,
+        section: data.section.as_ref().map(|(section, _)| section.clone()),
+        seed: scene.seed.wrapping_add(number),
+        ..Fit::default()
+    };
+    let problem = fit.of_prepared(prepared, data.controls.clone(), stages)?;
+    let problem = Problem {
+        digest: data.digest.clone().unwrap_or_else(|| data.training.digest()),
+        from: from.map(|(model, earlier)| Earlier { model: model.clone(), time: time / earlier }),
+        ..problem
+    };
+    let options = problem.training.clone();
     let (initial, has_held_out) = (problem.initial_model()?, problem.held_out.is_some());
     let mut observer = SceneObserver::new(context, &spec, &options);
     let result = problem.train(&mut observer);

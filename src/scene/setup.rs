@@ -60,7 +60,8 @@ pub struct Data {
     /// `gyroceptron train` finds it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub circle_action: Option<PairsAction>,
-    /// ε of the pairs of a file: 0.01 unless given.
+    /// ε of the pairs of a file: 0.01 unless given. Where the file has the ε of each pair, that of the networks,
+    /// which has to be given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub epsilon: Option<f64>,
     /// The integrator that moves the points, and makes the trajectories that others are compared with. Unless given, it
@@ -395,7 +396,8 @@ impl Setup {
         if let Some(target) = self.target() {
             self.check_against(target)?;
         }
-        let of_file = self.data.as_ref().is_some_and(Data::is_of_one_map);
+        let of_file = self.data.as_ref().is_some_and(Data::is_without_system);
+        let of_lines = self.data.as_ref().is_some_and(|data| data.lines.is_some());
         let foreign = |model: &&ModelSpec| model.network.is_of_file();
         if let (true, Some(model)) = (of_file, self.models.iter().find(foreign)) {
             let expected = "networks to train, beside pairs of a file or of field lines";
@@ -404,20 +406,16 @@ impl Setup {
         let mut trainings = self.models.iter().map(|model| self.training_of(model));
         if of_file && self.system.is_some() {
             return Err(Error::invalid(
-                if self.data.as_ref().is_some_and(|data| data.lines.is_some()) {
-                    "data.lines"
-                } else {
-                    "data.pairs"
-                },
+                if of_lines { "data.lines" } else { "data.pairs" },
                 "a system",
                 "no system beside pairs of a file or field lines of coils",
             ));
         }
         if let (true, Some(training)) = (
-            of_file,
+            of_lines,
             trainings.find(|t| t.ramp.iter().any(|s| s.flow_time.is_some() || s.epsilon.is_some())),
         ) {
-            let expected = "no ramp of flow times or ε: the pairs are of one";
+            let expected = "no ramp of flow times or ε: field lines are of one";
             return Err(Error::invalid("training.ramp", training.ramp.len(), expected));
         }
         Ok(())
@@ -497,8 +495,8 @@ impl Data {
         !(self.epsilons.is_empty() && self.flow_times.is_empty())
     }
 
-    /// Whether all pairs are of one map that no system gives.
-    fn is_of_one_map(&self) -> bool {
+    /// Whether no system gives the pairs.
+    fn is_without_system(&self) -> bool {
         self.pairs.is_some() || self.lines.is_some()
     }
 
@@ -516,6 +514,7 @@ impl Data {
             torus: found.map(|found| &found.torus),
             found: found.and_then(|found| found.words.as_deref()),
             epsilon: self.epsilon.unwrap_or(Fit::EPSILON),
+            is_epsilon_given: self.epsilon.is_some(),
         })
     }
 
@@ -566,7 +565,7 @@ impl Data {
         if let Some(lines) = &self.lines {
             lines.check()?;
         }
-        if self.is_of_one_map() {
+        if self.is_without_system() {
             return match self.validation < 1.0 {
                 true => Ok(()),
                 false => {

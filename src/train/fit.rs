@@ -2,14 +2,14 @@
 
 use super::{
     ActionFit, ActionTrial, Control, ControlOptions, FitNote, Fitted, LevenbergMarquardtOptions,
-    Loss, Optimiser, Plateau, Preparation, Prepared, Problem, Progress, RampStage, Reading,
-    ReversalDefect, StagePairs, Starts, TrainingObserver, TrainingOptions, TrainingStage,
+    Loss, Optimiser, Plateau, Preparation, Prepared, Problem, Progress, Reading, ReversalDefect,
+    StagePairs, Starts, TrainingObserver, TrainingOptions, TrainingStage,
 };
 use crate::error::Error;
 use crate::flow::{Condition, FormDefect, Pairs, TwoFits};
 use crate::layer::{CircleAction, TorusAction};
 use crate::measure::trajectories::{root_mean_square, rotation_error};
-use crate::network::{Circles, InitialWeights, NetworkSpec};
+use crate::network::{Circles, Controls, InitialWeights, NetworkSpec};
 use crate::phase::Section;
 
 /// A fit of a network to pairs (z, P(z)): what is known of them, and how to train.
@@ -417,11 +417,12 @@ impl Fit {
     /// [`NetworkSpec::architecture`].
     pub fn notes_on(
         &self,
-        pairs: &Pairs,
+        data: impl Into<FamilyPairs>,
         networks: &[&NetworkSpec],
         go_on: &mut dyn FnMut() -> Result<Control, Error>,
     ) -> Result<Vec<FitNote>, Error> {
-        let (data, mut notes) = (FamilyPairs::from(self.charted(pairs.clone())?), Vec::new());
+        let (mut data, mut notes) = (data.into(), Vec::new());
+        data.pairs = self.charted(data.pairs)?;
         notes.extend(self.section.clone().map(FitNote::Section));
         let pairs = &data.pairs;
         let (action, fits) = self.examine(&data, &mut notes, go_on)?;
@@ -511,14 +512,14 @@ impl Fit {
             validation: self.validation,
             seed: self.seed,
         };
-        let Prepared { pairs, held_out, units, region, nearest, angles, flow_time: time } =
-            preparation.prepare(pairs)?;
-        notes.extend(units.clone().map(FitNote::Units));
-        let controls = self.controls.of_pairs(&pairs).map_err(|e| e.with_place(&self.place))?;
+        let prepared = preparation.prepare(pairs)?;
+        notes.extend(prepared.units.clone().map(FitNote::Units));
+        let pairs = &prepared.pairs;
+        let controls = self.controls.of_pairs(pairs).map_err(|e| e.with_place(&self.place))?;
         if let Some(controls) = &controls {
-            let of = held_out.as_ref().map_or(&[][..], Pairs::conditions);
+            let of = prepared.held_out.as_ref().map_or(&[][..], Pairs::conditions);
             let mut held_out: Vec<&[f64]> = of.iter().map(|one| &*one.controls).collect();
-            held_out.retain(|values| !is_learnt(&pairs, values));
+            held_out.retain(|values| !is_learnt(pairs, values));
             held_out.sort_by(|a, b| a.partial_cmp(b).unwrap_or(std::cmp::Ordering::Equal));
             held_out.dedup();
             let held_out = held_out.len();
@@ -529,6 +530,45 @@ impl Fit {
             (Some(section), Some(controls)) => Some(section.about(&controls.nominal())?),
             _ => self.section.clone(),
         };
+        let known = Self {
+            epsilon: Some(epsilon),
+            action: Some(action),
+            network: Some(network),
+            section,
+            ..self.clone()
+        };
+        let (own, held_out) = ((epsilon, prepared.flow_time), prepared.held_out.as_ref());
+        let ramp = self.training.ramp.iter();
+        let stages = ramp
+            .map(|stage| StagePairs::among(stage, own, &prepared.pairs, held_out))
+            .collect::<Result<_, _>>()?;
+        let problem = known.of_prepared(prepared, controls, stages)?;
+        Ok(Problem { flow_time: family.time, notes, ..problem })
+    }
+
+    /// The training of pairs in the coordinates of the network, of which all that a fit may find is known: the circle
+    /// action, the network and ε of the fit are given, `stages` has the pairs of each stage of its ramp, and
+    /// `controls` what the parameters of the network depend on. It has no digest and no notes.
+    ///
+    /// # Errors
+    /// [`Error::Missing`] without a circle action, a network or an ε; those of [`NetworkSpec::architecture`],
+    /// [`Architecture::check`](crate::network::Architecture::check) and [`TrainingOptions::check_for`]; when there
+    /// are fewer or more `stages` than the ramp has.
+    pub fn of_prepared(
+        &self,
+        prepared: Prepared,
+        controls: Option<Controls>,
+        stages: Vec<StagePairs>,
+    ) -> Result<Problem, Error> {
+        let missing = |key| {
+            let place = format!("the fit of {}", self.place);
+            Error::Missing { place, key, needed_by: "pairs that are prepared".into() }
+        };
+        let action = self.action.clone().ok_or_else(|| missing("action"))?;
+        let network = self.network.clone().ok_or_else(|| missing("network"))?;
+        let epsilon = self.epsilon.ok_or_else(|| missing("epsilon"))?;
+        let Prepared { pairs, held_out, units, region, nearest, angles, flow_time: time } =
+            prepared;
         let loss = self.training.loss.for_pairs(&action, &nearest, &pairs)?;
         let training = TrainingOptions { loss, ..self.training.clone() };
         let architecture = network
@@ -536,13 +576,11 @@ impl Fit {
             .in_box_of(pairs.points())
             .with_controls(controls);
         architecture.check()?;
-        self.training.check_for(&architecture)?;
-        let ramp = training.ramp.iter();
-        let stages = ramp
-            .map(|stage| family.stage(stage, time, &pairs, held_out.as_ref()))
-            .collect::<Result<_, _>>()?;
+        training.check_for(&architecture)?;
+        Error::check_count("stages of the ramp", training.ramp.len(), stages.len())?;
         Ok(Problem {
             network,
+            architecture,
             weights: self.weights,
             training,
             action,
@@ -551,17 +589,23 @@ impl Fit {
             pairs,
             held_out,
             units,
-            section,
+            section: self.section.clone(),
             region,
-            flow_time: family.time,
+            flow_time: Some(time),
             digest: String::new(),
             seed: self.seed,
-            notes,
-            epsilon: architecture.epsilon,
-            architecture,
+            notes: Vec::new(),
+            epsilon,
             stages,
             from: None,
         })
+    }
+
+    /// The pairs of one or several maps with the ε of each and its flow time over that of the network: the ε and the
+    /// flow time of the fit are the network's, or the largest among the pairs where the fit has none.
+    pub fn placed(&self, data: FamilyPairs) -> Pairs {
+        let family = Family::new(self, &data);
+        data.pairs.with_conditions(|condition| family.place(condition))
     }
 
     /// The pairs in the canonical coordinates of the section; as they are, where there is none.
@@ -679,46 +723,5 @@ impl Family {
             _ => 1.0,
         };
         (epsilon, time)
-    }
-
-    /// The pairs of a stage of a ramp: those of its ε and flow time.
-    fn stage(
-        &self,
-        stage: &RampStage,
-        time: f64,
-        pairs: &Pairs,
-        held_out: Option<&Pairs>,
-    ) -> Result<StagePairs, Error> {
-        let (epsilon, own) =
-            (stage.epsilon.unwrap_or(self.epsilon), stage.flow_time.unwrap_or(time));
-        let share = own / time;
-        let is_of = |condition: &Condition| {
-            let near = |a: f64, b: f64| (a - b).abs() <= 1e-12 * b.abs();
-            (stage.epsilon.is_none() || near(condition.epsilon, epsilon))
-                && (stage.flow_time.is_none() || near(condition.time, share))
-        };
-        let all = stage.epsilon.is_none() && stage.flow_time.is_none();
-        let of = |pairs: &Pairs| -> Option<Pairs> {
-            if all && pairs.conditions().is_empty() {
-                return Some(pairs.clone());
-            }
-            let mut first = 0;
-            let mut rows = Vec::new();
-            for condition in pairs.conditions() {
-                let run = first..first + condition.pairs;
-                first = run.end;
-                if is_of(condition) {
-                    rows.extend(run);
-                }
-            }
-            (!rows.is_empty()).then(|| pairs.rows(rows))
-        };
-        let expected = "an ε and a flow time that some pairs have";
-        let training = of(pairs).ok_or_else(|| {
-            let found = format!("a stage of ε = {epsilon} and flow time {own}");
-            Error::invalid("training.ramp", found, expected)
-        })?;
-        let held_out = held_out.and_then(of);
-        Ok(StagePairs { epsilon, time: share, training, held_out, iterations: stage.iterations })
     }
 }

@@ -1,11 +1,11 @@
 //! A prepared training, and what comes out of it.
 
 use super::{
-    AreaDefect, FitNote, Judgement, Outcome, Rings, Scheduled, StageData, Starts, TrainingObserver,
-    TrainingOptions, train_schedule,
+    AreaDefect, FitNote, Judgement, Outcome, RampStage, Rings, Scheduled, StageData, Starts,
+    TrainingObserver, TrainingOptions, train_schedule,
 };
 use crate::error::Error;
-use crate::flow::{Pairs, Region};
+use crate::flow::{Condition, Pairs, Region};
 use crate::layer::TorusAction;
 use crate::network::{Architecture, InitialWeights, Model, NetworkSpec};
 use crate::phase::{Section, Units};
@@ -23,6 +23,50 @@ pub struct StagePairs {
     pub held_out: Option<Pairs>,
     /// The largest number of iterations of the stage.
     pub iterations: u64,
+}
+
+impl StagePairs {
+    /// The pairs of a stage of a ramp among those of a training: all, where it names neither ε nor flow time, and
+    /// otherwise those of maps with its ε and flow time. `own` are the ε and the flow time of the network.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] with the stage when no pair is of its ε and flow time.
+    pub fn among(
+        stage: &RampStage,
+        own: (f64, f64),
+        training: &Pairs,
+        held_out: Option<&Pairs>,
+    ) -> Result<Self, Error> {
+        let (epsilon, time) = (stage.epsilon.unwrap_or(own.0), stage.flow_time.unwrap_or(own.1));
+        let share = time / own.1;
+        let is_of = |condition: &Condition| {
+            let near = |a: f64, b: f64| (a - b).abs() <= 1e-12 * b.abs();
+            (stage.epsilon.is_none() || near(condition.epsilon, epsilon))
+                && (stage.flow_time.is_none() || near(condition.time, share))
+        };
+        let is_any = stage.epsilon.is_none() && stage.flow_time.is_none();
+        let of = |pairs: &Pairs| -> Option<Pairs> {
+            if is_any && pairs.conditions().is_empty() {
+                return Some(pairs.clone());
+            }
+            let mut first = 0;
+            let mut rows = Vec::new();
+            for condition in pairs.conditions() {
+                let run = first..first + condition.pairs;
+                first = run.end;
+                if is_of(condition) {
+                    rows.extend(run);
+                }
+            }
+            (!rows.is_empty()).then(|| pairs.rows(rows))
+        };
+        let training = of(training).ok_or_else(|| {
+            let found = format!("a stage of ε = {epsilon} and flow time {time}");
+            Error::invalid("training.ramp", found, "an ε and a flow time that some pairs have")
+        })?;
+        let held_out = held_out.and_then(of);
+        Ok(Self { epsilon, time: share, training, held_out, iterations: stage.iterations })
+    }
 }
 
 /// A model of an earlier flow time, whose weights a training takes over.
