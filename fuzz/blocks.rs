@@ -478,7 +478,10 @@ fn faults(architecture: &Architecture) -> Vec<Vec<String>> {
     let first = |part: Part| blocks.iter().find(|block| block.part == part);
     for (number, block) in blocks.iter().enumerate() {
         let Block { name, part, scale, layers, ridges } = block;
-        let place = if blocks.len() > 1 { format!("block {number}: ") } else { String::new() };
+        let place = match &name[..] {
+            "" => format!("block {number}: "),
+            name => format!("block {number} (`{name}`): "),
+        };
         let sane = name.chars().all(|c| c.is_ascii_alphanumeric() || "-_".contains(c));
         fault(!sane, &[&place, &"name of a block", name]);
         if let Layers::SympNet(of) = layers {

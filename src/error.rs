@@ -152,6 +152,16 @@ pub enum Error {
         /// The error that occurred at this place.
         reason: Box<Error>,
     },
+    /// An error in a block of a network.
+    #[error("{}: {reason}", block_called(*number, name))]
+    Block {
+        /// The number of the block in its list, counted from 0.
+        number: usize,
+        /// The name of the block, which may be empty where it is the only one.
+        name: String,
+        /// The error that is in this block.
+        reason: Box<Error>,
+    },
     /// An invalid argument that no other variant describes.
     #[error("{name}: expected {expected}, found {value}")]
     Invalid {
@@ -200,6 +210,14 @@ pub enum Error {
         /// The size of the last change.
         change: f64,
     },
+}
+
+/// A block as errors name it.
+pub(crate) fn block_called(number: usize, name: &str) -> String {
+    match name {
+        "" => format!("block {number}"),
+        name => format!("block {number} (`{name}`)"),
+    }
 }
 
 /// What is asked for where pairs have no circle action for sure.
@@ -308,6 +326,11 @@ impl Error {
     /// Wraps the error in an [`Error::At`], with the place where it occurred.
     pub fn with_place(self, place: impl Display) -> Self {
         Self::At { place: place.to_string(), reason: Box::new(self) }
+    }
+
+    /// Wraps the error in an [`Error::Block`], with the number and the name of the block that it is in.
+    pub(crate) fn in_block(self, number: usize, name: &str) -> Self {
+        Self::Block { number, name: name.to_owned(), reason: Box::new(self) }
     }
 
     /// Makes an [`Error::Read`] of a file, with the reason why it cannot be read.

@@ -447,6 +447,18 @@ fn lists_that_cannot_be_are_refused() {
         on_circle().with(psi()).with(Block::new(Part::Chart, henon(&[2, 0]))),
         &["block 1", "chart", "width 0", "number 1"],
     );
+    // A caller reads number, name and reason without the words.
+    let empty = on_circle().with(psi()).with(Block::new(Part::Chart, henon(&[2, 0])));
+    let Err(Error::Block { number: 1, name, reason }) = empty.check() else { panic!("no block") };
+    assert_eq!(name, "chart");
+    assert!(matches!(*reason, Error::Invalid { ref name, .. } if name == "layers"), "{reason}");
+    let boxless =
+        on_circle().with(psi()).with(Block::new(Part::Chart, henon(&[2])).of_polynomials(3));
+    let count = boxless.parameter_count();
+    let Err(Error::Block { number: 1, reason, .. }) = Model::new(boxless, vec![0.1; count]) else {
+        panic!("no box")
+    };
+    assert!(matches!(*reason, Error::Missing { key: "radius", .. }), "{reason}");
     let none_slow = Architecture::new(2).on_circle(CircleAction::new([1, 2]));
     refuses(
         none_slow.with(psi()).with(Block::new(Part::SlowMap, Layers::TurnedTwist(vec![2]))),

@@ -69,6 +69,8 @@ fn describe(error: &Error) -> String {
             format!("{error}; give --weights FILE")
         }
         Error::At { place, reason } => format!("{place}: {}", describe(reason)),
+        // Its keys are those of a list of blocks, and no options.
+        Error::Block { .. } => error.to_string(),
         other => match option_named(other) {
             // Options have no sections, as scenes do.
             Some(option) => {

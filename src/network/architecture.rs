@@ -3,7 +3,7 @@
 use super::block::{Block, Layers, Part, Surroundings};
 use super::composition::Composition;
 use super::controls::Controls;
-use crate::error::Error;
+use crate::error::{Error, block_called};
 use crate::layer::{CircleAction, FastPlanes, Reversor, RidgeFunction, TorusAction};
 use crate::phase::Direction;
 use crate::scalar::{Real, max_or_nan};
@@ -352,8 +352,8 @@ impl Architecture {
     /// circles have as many, names differ, and each block can play its part.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`], [`Error::CountOutOfRange`], [`Error::WrongCount`] and
-    /// [`Error::Invalid`] with the name of the block and the value.
+    /// [`Error::Block`] with the number and the name of the block that is wrong; [`Error::OutOfRange`],
+    /// [`Error::CountOutOfRange`], [`Error::WrongCount`] and [`Error::Invalid`] of the list as a whole.
     pub fn check(&self) -> Result<(), Error> {
         Error::check_finite("epsilon", self.epsilon)?;
         Error::check_finite("flow_time", self.flow_time)?;
@@ -383,7 +383,7 @@ impl Architecture {
         Error::check_count_range("parameters of the architecture", count, 0, MOST_PARAMETERS)?;
         let of = self.surroundings();
         for (number, block) in self.blocks.iter().enumerate() {
-            let place = |e: Error| e.with_place(format!("block {number}"));
+            let place = |e: Error| e.in_block(number, &block.name);
             block.check(of, self.has_circle()).map_err(place)?;
             if self.blocks[..number].iter().any(|other| other.name == block.name) {
                 let found = format!("`{}` twice (block {number})", block.name);
@@ -402,14 +402,20 @@ impl Architecture {
         self.check_parts()
     }
 
-    /// A block of this architecture as errors name it, by its number and its name.
-    fn called(&self, block: &Block) -> String {
+    /// The number of a block of this architecture.
+    fn number_of(&self, block: &Block) -> usize {
         let number = self.blocks.iter().position(|other| other.name == block.name);
-        let number = number.unwrap_or(self.blocks.len());
-        match &block.name[..] {
-            "" => format!("block {number}"),
-            name => format!("block {number} (`{name}`)"),
-        }
+        number.unwrap_or(self.blocks.len())
+    }
+
+    /// A block of this architecture as errors name it.
+    fn called(&self, block: &Block) -> String {
+        block_called(self.number_of(block), &block.name)
+    }
+
+    /// An error in a block of this architecture.
+    fn error_in(&self, block: &Block, reason: Error) -> Error {
+        reason.in_block(self.number_of(block), &block.name)
     }
 
     /// What its parameters are of, with the number of each.
@@ -433,11 +439,14 @@ impl Architecture {
     /// Fails where polynomials have no box yet.
     pub(super) fn check_boxes(&self) -> Result<(), Error> {
         match self.blocks.iter().find(|block| block.ridges.is_unbounded()) {
-            Some(block) => Err(Error::Missing {
-                place: self.called(block),
-                key: "radius",
-                needed_by: "the box of its polynomials".into(),
-            }),
+            Some(block) => {
+                let reason = Error::Missing {
+                    place: "layers".into(),
+                    key: "radius",
+                    needed_by: "the box of its polynomials".into(),
+                };
+                Err(self.error_in(block, reason))
+            }
             None => Ok(()),
         }
     }
@@ -446,8 +455,8 @@ impl Architecture {
     fn check_reversible(&self) -> Result<(), Error> {
         let mut own = self.blocks.iter().filter(|block| block.layers.count() > 0);
         let refused = |block: &Block, expected: &str| {
-            let name = format!("{} of a reversible map", self.called(block));
-            Err(Error::invalid(&name, block.part.symbol(), expected))
+            let reason = Error::invalid("part of a reversible map", block.part.symbol(), expected);
+            Err(self.error_in(block, reason))
         };
         let plain = !self.has_circle();
         own.try_for_each(|block| match block.part {

@@ -595,11 +595,7 @@ impl Block {
 
     /// Fails unless its layers can play its part, in a network with circles or without.
     pub(super) fn check(&self, of: Surroundings, has_circles: bool) -> Result<(), Error> {
-        let refused = |found: &str, expected: &str| {
-            let name =
-                if self.name.is_empty() { "layers".into() } else { format!("`{}`", self.name) };
-            Err(Error::invalid(&name, found, expected))
-        };
+        let refused = |found: &str, expected: &str| Err(Error::invalid("layers", found, expected));
         let sane = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
         if !self.name.chars().all(sane) {
             let expected = "letters, digits, - and _";
@@ -607,19 +603,12 @@ impl Block {
         }
         match &self.layers {
             Layers::SympNet(modules) => {
-                let place = |e: Error| e.with_place(&self.name);
-                Error::check_count_range("linear modules", modules.modules, 1, usize::MAX)
-                    .map_err(place)?;
-                Error::check_count_range(
-                    "shears of a linear module",
-                    modules.shears,
-                    1,
-                    usize::MAX,
-                )
-                .map_err(place)?;
+                let (count, shears) = (modules.modules, modules.shears);
+                Error::check_count_range("linear modules", count, 1, usize::MAX)?;
+                Error::check_count_range("shears of a linear module", shears, 1, usize::MAX)?;
             }
             layers => {
-                self.ridges.check().map_err(|e| e.with_place(&self.name))?;
+                self.ridges.check()?;
                 let empty = |layer: &usize| match layers {
                     Layers::Twist(_) => self.layer_len(*layer, of) == 0,
                     _ => layers.widths()[*layer] == 0,
