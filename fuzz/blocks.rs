@@ -541,7 +541,7 @@ fn faults(architecture: &Architecture) -> Vec<Vec<String>> {
                 Part::SlowMap => true,
                 Part::Conjugation | Part::NearIdentity => false,
             };
-            fault(!fits, &[name, &"of a reversible map"]);
+            fault(!fits, &[&place, &"of a reversible map"]);
         }
         if let Some(near_identity) = first(Part::NearIdentity) {
             let other = *part == Part::Perturbation;

@@ -597,9 +597,43 @@ fn a_scene_learns_a_family_of_maps_as_train_does() {
     assert_eq!(own.model.parameters(), other.model.parameters());
     assert_eq!(own.provenance.data, other.provenance.data);
     assert_eq!(own.provenance.validation, other.provenance.validation);
-    // The largest of several is the network's there; ε below 0 is said in both.
     let (text, _) = report(&path.join("out"));
     assert!(text.contains("have ε below 0"), "{text}");
+    let said = String::from_utf8_lossy(&trained.stderr);
+    assert!(said.contains("have ε below 0"), "{said}");
+
+    // A stage of the network's own flow time is of all its ε; in jobs, and gone on with, it is the same; and errors
+    // of one step are those of the network's own map.
+    let more = scene.replace(
+        "ramp = [{ flow_time = 0.5, iterations = 3 }]",
+        "ramp = [{ flow_time = 1.0, iterations = 3 }]",
+    ) + "[work_precision]\npoints = 20\nrounds = 1\n";
+    std::fs::write(path.join("more.toml"), more).expect("written");
+    let output = run(path, "more.toml", "more");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let words = words.replace("0.5x3", "1x3") + " --overwrite";
+    let trained = Command::new(program).current_dir(path).args(words.split_whitespace()).output();
+    assert!(trained.expect("it starts").status.success());
+    let parameters = of("model.json").model.parameters().to_vec();
+    assert_eq!(of("more/model.json").model.parameters(), parameters);
+    assert_ne!(own.model.parameters(), parameters);
+    let bytes = |out: &str| std::fs::read(path.join(out).join("report.json")).expect("data");
+    for added in [&["--job", "train-one"][..], &["--merge"]] {
+        let arguments = [&["run", "more.toml", "--out", "jobs"], added].concat();
+        let output = Command::new(program).current_dir(path).args(arguments).output();
+        assert!(output.expect("it starts").status.success());
+    }
+    assert_eq!(bytes("jobs"), bytes("more"));
+    let resumed = ["run", "more.toml", "--out", "more", "--resume"];
+    let output = Command::new(program).current_dir(path).args(resumed).output();
+    assert!(output.expect("it starts").status.success());
+    assert_eq!(bytes("jobs"), bytes("more"));
+    let (_, data) = report(&path.join("more"));
+    let one_step = &data["studies"]["work_precision"]["one_step"];
+    let methods = one_step["methods"].as_array().expect("methods");
+    let error = methods[0]["error"].as_f64().expect("a number");
+    // Beside outputs of all maps of the family it would be as large as their rotations by other times.
+    assert!(error < 0.2, "{methods:?}");
 
     let refused = |name: &str, scene: &str, expected: &[&str]| {
         std::fs::write(path.join(name).with_extension("toml"), scene).expect("written");
@@ -607,7 +641,7 @@ fn a_scene_learns_a_family_of_maps_as_train_does() {
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
         assert_eq!(output.status.code(), Some(2), "{said}");
         assert!(expected.iter().all(|word| said.contains(word)), "{said}");
-        assert!(!said.contains("training one"), "{said}");
+        assert!(!said.contains("training one") && !said.contains("looking for"), "{said}");
     };
     refused(
         "lambda",
@@ -616,6 +650,11 @@ fn a_scene_learns_a_family_of_maps_as_train_does() {
     );
     let unknown = scene.replace("epsilon = 0.1\n", "");
     refused("unknown", &unknown, &["data.epsilon", "family.npz"]);
+    // Nothing is looked for before.
+    let searched = unknown.replace("circle_action = [1, 0]\n", "");
+    refused("searched", &searched, &["data.epsilon", "family.npz"]);
+    let timeless = scene.replace("flow_time = 1.0\n", "");
+    refused("timeless", &timeless, &["flow_time", "family.npz"]);
     let stage = scene.replace("flow_time = 0.5, iter", "flow_time = 0.25, iter");
     refused("stage", &stage, &["training.ramp", "flow time 0.25"]);
     refused("one", &scene.replace("family.npz", "one.npz"), &["training.ramp", "flow time 0.5"]);

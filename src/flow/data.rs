@@ -230,6 +230,24 @@ impl Pairs {
         self
     }
 
+    /// The pairs of those maps whose condition is one of these, in their order; all, where they have no conditions; None
+    /// where none are left.
+    pub fn under_conditions(&self, is_of: impl Fn(&Condition) -> bool) -> Option<Self> {
+        if self.conditions.is_empty() {
+            return Some(self.clone());
+        }
+        let mut first = 0;
+        let mut rows = Vec::new();
+        for condition in &self.conditions {
+            let run = first..first + condition.pairs;
+            first = run.end;
+            if is_of(condition) {
+                rows.extend(run);
+            }
+        }
+        (!rows.is_empty()).then(|| self.rows(rows))
+    }
+
     /// These pairs with squared errors weighted by (εt)⁻², normalised to mean 1 over all pairs:
     /// the error of each map is measured relative to its distance from its rotation, which is of
     /// order εt.

@@ -184,7 +184,8 @@ impl<'a> Context<'a> {
                     })
                 };
                 let share = declared.validation;
-                match DataSets::of_file(file, time, share, &networks, seed, &mut go_on) {
+                let own = context.scene.setup.read_pairs()?;
+                match DataSets::of_file(file, own, time, share, &networks, seed, &mut go_on) {
                     Err(Error::Stopped { .. }) => Err(RunError::Interrupted),
                     made => Ok(made?),
                 }

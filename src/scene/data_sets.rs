@@ -3,9 +3,10 @@
 use super::line_data::TracedLines;
 use super::notes::Note;
 use super::setup::{Data, FlowBy};
-use super::target_flow::{FileData, TargetFlow, read_own_pairs};
+use super::target_flow::{FileData, TargetFlow};
 use crate::error::Error;
 use crate::flow::{Pairs, Region};
+use crate::io::PairsFile;
 use crate::layer::{Reversor, TorusAction};
 use crate::measure::trajectories::{limiting_flow_error, root_mean_square, rotation_error};
 use crate::network::{Controls, NetworkSpec};
@@ -129,6 +130,7 @@ impl DataSets {
     /// continue where short trainings tell circle actions apart.
     pub(super) fn of_file(
         file: FileData<'_>,
+        own: PairsFile,
         time: f64,
         validation: f64,
         networks: &[&NetworkSpec],
@@ -136,14 +138,8 @@ impl DataSets {
         go_on: &mut dyn FnMut() -> Result<Control, Error>,
     ) -> Result<Self, Error> {
         let place = file.pairs.display().to_string();
-        let own = read_own_pairs(file.pairs)?;
         let (unused, single_precision) = (own.unused.clone(), own.single_precision);
         let data = FamilyPairs::from(own);
-        let is_family = data.has_epsilons || data.has_times;
-        if data.has_epsilons && !file.is_epsilon_given {
-            let expected = "the ε of the networks, since the pairs give one for each";
-            return Err(Error::invalid("data.epsilon", "none", expected).with_place(&place));
-        }
         let action = TargetFlow::File(file).torus();
         let fit = Fit {
             place: place.clone(),
@@ -154,13 +150,6 @@ impl DataSets {
             seed,
             ..Fit::default()
         };
-        for network in networks.iter().filter(|_| is_family) {
-            if !network.architecture(&action, file.epsilon, time)?.has_circle() {
-                let found = format!("epsilon or flow_time in {place}");
-                let expected = "a gyroceptron to learn a family";
-                return Err(Error::invalid("models", found, expected));
-            }
-        }
         let mut fit_notes = fit.notes_on(data.clone(), networks, go_on)?;
         let (given, digest) = (data.pairs.region(), data.pairs.digest());
         let pairs = fit.charted(fit.placed(data))?;
@@ -357,6 +346,12 @@ impl DataSets {
             let angles = fit_rotations(&self.training, &action);
             (action, angles)
         })
+    }
+
+    /// The pairs to judge maps of one ε and flow time by: those of the networks' own among those to judge by; None
+    /// where there are none.
+    pub(super) fn of_own_map(&self, epsilon: f64) -> Option<Pairs> {
+        self.to_judge_by().under_conditions(|of| of.epsilon == epsilon && of.time == 1.0)
     }
 
     /// The pairs to judge by: held out, where there are any.

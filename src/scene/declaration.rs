@@ -198,7 +198,9 @@ impl Scene {
             *plateau = None;
         };
         reset(&mut self.setup.training);
-        self.setup.data.iter_mut().for_each(|data| data.found = None);
+        self.setup.data.iter_mut().for_each(|data| {
+            (data.found, data.is_time_given) = (None, false);
+        });
         for model in &mut self.setup.models {
             model.training.as_mut().map(reset);
         }

@@ -3,8 +3,9 @@
 use super::event::{Event, Observer};
 use super::registry::Scene;
 use super::setup::{PairsAction, Setup};
-use super::target_flow::{FoundAction, read_own_pairs, section_of};
+use super::target_flow::{FoundAction, section_of};
 use crate::error::Error;
+use crate::io::PairsFile;
 use crate::network::{Circles, NetworkSpec};
 use crate::train::{Control, FamilyPairs, Fit};
 use std::path::Path;
@@ -41,7 +42,9 @@ impl Scene {
     fn find_actions(&mut self, observer: &mut dyn Observer) -> Result<(), Error> {
         if let Some(place) = self.setup.of_unknown_action().map(Path::to_owned) {
             let place = place.display().to_string();
+            let mut own = None;
             if !self.setup.declares_circles() {
+                own = Some(self.setup.read_pairs()?);
                 observer.event(Event::Stage(&format!("looking for the circle action of {place}")));
             }
             let mut go_on = || {
@@ -50,7 +53,7 @@ impl Scene {
                     false => Control::Continue,
                 })
             };
-            let found = self.setup.find_action(self.seed, &mut go_on)?;
+            let found = self.setup.find_action(own, self.seed, &mut go_on)?;
             self.setup.data.iter_mut().for_each(|data| data.found = found.clone());
         }
         self.parts.iter_mut().try_for_each(|part| part.find_actions(observer))
@@ -74,6 +77,7 @@ impl Setup {
 
     fn find_action(
         &self,
+        own: Option<PairsFile>,
         seed: u64,
         go_on: &mut dyn FnMut() -> Result<Control, Error>,
     ) -> Result<Option<FoundAction>, Error> {
@@ -82,7 +86,7 @@ impl Setup {
         if let Some(PairsAction::Torus(torus)) = &data.circle_action {
             return Ok(Some(FoundAction::new(torus.clone(), None)));
         }
-        let pairs = FamilyPairs::from(read_own_pairs(path)?);
+        let Some(pairs) = own.map(FamilyPairs::from) else { return Ok(None) };
         let section = data.section.as_deref().map(|path| section_of(path, pairs.pairs.dof()));
         let section = section.transpose()?;
         // Without networks, that of a normal form.

@@ -169,7 +169,7 @@ fn learn_at(
     let (scene, folder) = (context.scene, context.folder);
     let target = context.target()?;
     let mut options = scene.setup.training_of(&spec).clone();
-    options.ramp = leading_up(&options, target.epsilon(), time, from.is_some());
+    options.ramp = scene.setup.leading_up(&options, target.epsilon(), time, from.is_some());
     // Weights of an earlier flow time come with twists of their own, and where no stage leads
     // up there is no chart to train fresh ones in.
     options.fresh_twists = options.fresh_twists.filter(|_| !options.ramp.is_empty());
@@ -243,24 +243,6 @@ fn learn_at(
     let Scheduled { initial, stages, outcome } = fitted.training;
     let held_out_error = held_out_error(&outcome, &options.loss, data.validation())?;
     Ok(Trained { spec, network, initial, stages, outcome, held_out_error, lost: None })
-}
-
-/// The stages of a ramp that lead up to the map of an ε and a flow time: none, where weights of an earlier flow time
-/// are there to begin with.
-pub(super) fn leading_up(
-    options: &TrainingOptions,
-    epsilon: f64,
-    time: f64,
-    has_weights: bool,
-) -> Vec<RampStage> {
-    let leads_up = |stage: &&RampStage| {
-        let other_epsilon = stage.epsilon.is_some_and(|stage| stage != epsilon);
-        stage.flow_time.is_none_or(|stage| stage < time || stage == time && other_epsilon)
-    };
-    match has_weights {
-        true => Vec::new(),
-        false => options.ramp.iter().filter(leads_up).copied().collect(),
-    }
 }
 
 /// Saves checkpoints, takes times, and reports how it goes.

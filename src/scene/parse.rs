@@ -56,7 +56,9 @@ fn recommend(scene: &mut Scene, given: &toml::Value) {
         return;
     }
     // As of pairs in the training of one network: their map is that of a unit of time.
+    let is_given = scene.setup.flow_time.is_some();
     scene.setup.flow_time.get_or_insert(1.0);
+    scene.setup.data.iter_mut().for_each(|data| data.is_time_given = is_given);
     let recommended = Fit::default().training;
     let fill = |training: &mut TrainingOptions, given: Option<&toml::Value>| {
         let has = |key: &str| given.is_some_and(|given| given.get(key).is_some());

@@ -2,7 +2,6 @@
 
 use super::event::Unobserved;
 use super::job_folders::{data_id, training_id};
-use super::learning::leading_up;
 use super::line_data::{Coils, LineData};
 use super::registry::{AnyStudy, Scene};
 use super::setup::{Data, SeededTraining, StudyTraining};
@@ -176,7 +175,7 @@ impl Planning {
         let options = scene.setup.training_of(spec);
         let mut needs: Vec<String> = Vec::new();
         let mut sets = vec![if of_setup { None } else { Some((epsilon, time)) }];
-        for stage in leading_up(options, epsilon, time, from.is_some()) {
+        for stage in scene.setup.leading_up(options, epsilon, time, from.is_some()) {
             sets.push(Some((stage.epsilon.unwrap_or(epsilon), stage.flow_time.unwrap_or(time))));
         }
         for at in sets {

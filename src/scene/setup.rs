@@ -2,12 +2,13 @@
 
 use crate::error::Error;
 use crate::flow::{Integrator, Pairs, ReferenceTrajectories, Window, whole_periods};
+use crate::io::{PairsFile, read_pairs};
 use crate::layer::{CircleAction, TorusAction};
 use crate::network::{InitialWeights, NetworkSpec};
 use crate::scene::line_data::LineData;
 use crate::scene::target_flow::{FileData, FoundAction, TargetFlow};
 use crate::system::{Counted, Hamiltonian, System};
-use crate::train::{Fit, TrainingOptions};
+use crate::train::{Fit, RampStage, TrainingOptions};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -83,6 +84,9 @@ pub struct Data {
     /// Φ of the pairs of a file, where it was found from them.
     #[serde(skip)]
     pub(super) found: Option<FoundAction>,
+    /// Whether the flow time of the pairs of a file is given, and not 1 by default.
+    #[serde(skip)]
+    pub(super) is_time_given: bool,
 }
 
 /// The circle action of pairs, as a scene declares it.
@@ -318,6 +322,62 @@ impl Setup {
         }
     }
 
+    /// The pairs of its file: of one map, or of several with the ε or the flow time of each.
+    ///
+    /// # Errors
+    /// Those of [`read_pairs`]; when they depend on controls, which networks of a scene have for field lines only, or
+    /// are of several maps while the ε or the flow time of the networks is not given, or a network is of one map.
+    pub(super) fn read_pairs(&self) -> Result<PairsFile, Error> {
+        let (data, key) = (self.data.as_ref(), "data.pairs");
+        let path = data.and_then(|data| data.pairs.as_deref());
+        let missing = || Error::Missing { place: "scene".into(), key, needed_by: "a study".into() };
+        let (data, path) = data.zip(path).ok_or_else(missing)?;
+        let (file, place) = (read_pairs(path)?, path.display());
+        if file.controls > 0 {
+            let expected = "no controls: networks of a scene have those of field lines only";
+            let found = format!("{} of each pair", file.controls);
+            return Err(Error::content(format!("{place}: lambda"), expected, found));
+        }
+        let open = [
+            ("data.epsilon", "epsilon", file.has_epsilons && data.epsilon.is_none()),
+            ("flow_time", "flow_time", file.has_times && !data.is_time_given),
+        ];
+        if let Some((key, array, _)) = open.into_iter().find(|(.., is_open)| *is_open) {
+            let expected = format!("that of the networks: {place} has an array `{array}`");
+            return Err(Error::invalid(key, "none", expected));
+        }
+        let of_one =
+            |model: &&ModelSpec| !model.network.is_of_file() && !model.network.has_circle();
+        if let Some(model) = self.models.iter().find(of_one)
+            && (file.has_epsilons || file.has_times)
+        {
+            let found = format!("epsilon or flow_time in {place}");
+            let key = format!("models.{}", model.name);
+            return Err(Error::invalid(&key, found, "a gyroceptron to learn a family"));
+        }
+        Ok(file)
+    }
+
+    /// The stages of a ramp that lead up to the map of an ε and a flow time: none, where weights of an earlier flow
+    /// time are there to begin with. Pairs of a file are of those maps that they are of, in stages too.
+    pub(super) fn leading_up(
+        &self,
+        options: &TrainingOptions,
+        epsilon: f64,
+        time: f64,
+        has_weights: bool,
+    ) -> Vec<RampStage> {
+        let leads_up = |stage: &&RampStage| {
+            let other_epsilon = stage.epsilon.is_some_and(|stage| stage != epsilon);
+            let is_before = |stage: f64| stage < time || stage == time && other_epsilon;
+            self.is_of_file() || stage.flow_time.is_none_or(is_before)
+        };
+        match has_weights {
+            true => Vec::new(),
+            false => options.ramp.iter().filter(leads_up).copied().collect(),
+        }
+    }
+
     /// Whether its pairs are of a file.
     pub(super) fn is_of_file(&self) -> bool {
         self.data.as_ref().is_some_and(|data| data.pairs.is_some())
@@ -514,7 +574,6 @@ impl Data {
             torus: found.map(|found| &found.torus),
             found: found.and_then(|found| found.words.as_deref()),
             epsilon: self.epsilon.unwrap_or(Fit::EPSILON),
-            is_epsilon_given: self.epsilon.is_some(),
         })
     }
 

@@ -3,7 +3,7 @@
 use super::line_data::LineData;
 use crate::error::Error;
 use crate::flow::{Pairs, Trajectories};
-use crate::io::{PairsFile, read_pairs, read_section, read_trajectories};
+use crate::io::{read_pairs, read_section, read_trajectories};
 use crate::layer::{CircleAction, TorusAction};
 use crate::network::{Architecture, Structure};
 use crate::phase::Section;
@@ -39,8 +39,6 @@ pub(super) struct FileData<'a> {
     pub(super) found: Option<&'a str>,
     /// The ε of the pairs; of those of several, that of the networks.
     pub(super) epsilon: f64,
-    /// Whether the scene gives it.
-    pub(super) is_epsilon_given: bool,
 }
 
 /// A circle action that was found from pairs.
@@ -106,20 +104,6 @@ pub(super) fn section_of(path: &Path, dof: usize) -> Result<Section, Error> {
         return Err(place(Error::invalid("lambda", "a density of controls", expected)));
     }
     Ok(section)
-}
-
-/// The pairs of a file for the networks of a scene: of one map, or of several with the ε or the flow time of each.
-///
-/// # Errors
-/// Those of [`read_pairs`]; when they depend on controls, which networks of a scene have for field lines only.
-pub(super) fn read_own_pairs(path: &Path) -> Result<PairsFile, Error> {
-    let file = read_pairs(path)?;
-    if file.controls > 0 {
-        let place = format!("{}: lambda", path.display());
-        let expected = "no controls: networks of a scene have those of field lines only";
-        return Err(Error::content(place, expected, format!("{} of each pair", file.controls)));
-    }
-    Ok(file)
 }
 
 impl<'a> TargetFlow<'a> {

@@ -3,7 +3,6 @@
 use super::context::Context;
 use super::event::{Event, Observer, Unobserved};
 use super::folder::Folder;
-use super::learning::leading_up;
 use super::plan::{Job, Task};
 use super::registry::Scene;
 use super::setup::{Data, ModelSpec, SeededTraining};
@@ -144,7 +143,7 @@ impl Trial {
         };
         let (_, each) = self.iterations.iter().find(|(name, _)| *name == training.network)?;
         let options = setup.training_of(&training.spec);
-        let ramp = leading_up(options, epsilon, of_time, from);
+        let ramp = setup.leading_up(options, epsilon, of_time, from);
         let options = TrainingOptions { ramp, ..options.clone() };
         let stages = TrainingStage::all(&options);
         let count = stages.into_iter().map(|stage| stage.iterations(&options)).sum::<u64>();

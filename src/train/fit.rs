@@ -547,8 +547,9 @@ impl Fit {
     }
 
     /// The training of pairs in the coordinates of the network, of which all that a fit may find is known: the circle
-    /// action, the network and ε of the fit are given, `stages` has the pairs of each stage of its ramp, and
-    /// `controls` what the parameters of the network depend on. It has no digest and no notes.
+    /// action, the network and ε of the fit are given, `prepared` has the flow time, the initial angles, the units and
+    /// the held-out pairs, `stages` has the pairs of each stage of the ramp, and `controls` what the parameters of the
+    /// network depend on. What the fit itself says of these is not looked at. The problem has no digest and no notes.
     ///
     /// # Errors
     /// [`Error::Missing`] without a circle action, a network or an ε; those of [`NetworkSpec::architecture`],

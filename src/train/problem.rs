@@ -26,8 +26,8 @@ pub struct StagePairs {
 }
 
 impl StagePairs {
-    /// The pairs of a stage of a ramp among those of a training: all, where it names neither ε nor flow time, and
-    /// otherwise those of maps with its ε and flow time. `own` are the ε and the flow time of the network.
+    /// The pairs of a stage of a ramp among those of a training, which may be of several maps: those of its ε and of its
+    /// flow time, of any where it names none. `own` are the ε and the flow time of the network.
     ///
     /// # Errors
     /// [`Error::Invalid`] with the stage when no pair is of its ε and flow time.
@@ -46,19 +46,8 @@ impl StagePairs {
         };
         let is_any = stage.epsilon.is_none() && stage.flow_time.is_none();
         let of = |pairs: &Pairs| -> Option<Pairs> {
-            if is_any && pairs.conditions().is_empty() {
-                return Some(pairs.clone());
-            }
-            let mut first = 0;
-            let mut rows = Vec::new();
-            for condition in pairs.conditions() {
-                let run = first..first + condition.pairs;
-                first = run.end;
-                if is_of(condition) {
-                    rows.extend(run);
-                }
-            }
-            (!rows.is_empty()).then(|| pairs.rows(rows))
+            let is_one_map = pairs.conditions().is_empty();
+            if is_one_map && !is_any { None } else { pairs.under_conditions(is_of) }
         };
         let training = of(training).ok_or_else(|| {
             let found = format!("a stage of ε = {epsilon} and flow time {time}");

@@ -21,11 +21,12 @@ pub struct Starts {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RampStage {
-    /// The flow time of the pairs of this stage. None: that of the scene. A scene leaves out stages with a longer flow
-    /// time than the final one, and those with the same flow time and the same ε.
+    /// The flow time of the pairs of this stage. None: that of the scene; where pairs are given, any. A scene whose
+    /// pairs a system makes leaves out stages with a longer flow time than the final one, and those with the same flow
+    /// time and the same ε.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub flow_time: Option<f64>,
-    /// The ε of the pairs of this stage. None: that of the system.
+    /// The ε of the pairs of this stage. None: that of the system; where pairs are given, any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub epsilon: Option<f64>,
     /// For a normal form: only the first 1/m of its twist shears are trained, m being this number. The training after

@@ -123,14 +123,20 @@ fn run_times_have_a_verdict_of_their_own() {
 /// Of all maps, whatever network and weights they are of: one that stays does not speak for the others.
 #[test]
 fn the_slow_manifold_is_judged_by_all_maps() {
-    let of = |shares: &[(&str, f64)]| {
-        let beside = shares.iter().map(|(network, share)| {
-            json!({ "network": network, "from_learnt": share, "from_system": 0.01 })
+    let found = |shares: &[(&str, f64, f64)]| {
+        let beside = shares.iter().map(|(network, share, off)| {
+            json!({ "network": network, "from_learnt": share, "from_system": 0.01, "off": off })
         });
         let slow = json!([{ "name": "gyroceptron", "largest_q_p_mu": [[0.1, 0.1, 0.0]] }]);
         let data =
             json!({ "slow": slow, "beside_reference": beside.collect::<Value>(), "off": [] });
-        verdict(&part("particle-field", "slow_manifold", data))
+        let of = |name: &'static str| verdict(&part(name, "slow_manifold", data.clone()));
+        let both = ["particle-field", "slow-manifold"].map(of);
+        assert_eq!(both[0], both[1]);
+        both[0].clone()
+    };
+    let of = |shares: &[(&str, f64)]| {
+        found(&shares.iter().map(|(name, on)| (*name, *on, 1.0)).collect::<Vec<_>>())
     };
     let near = [("gyroceptron", 0.02), ("gyroceptron", 0.03), ("penalised", 0.2)];
     assert!(of(&near).starts_with("slow manifold: reproduced"), "{}", of(&near));
@@ -139,6 +145,14 @@ fn the_slow_manifold_is_judged_by_all_maps() {
     let lost = [("gyroceptron", f64::NAN), ("gyroceptron", f64::NAN), ("penalised", 0.01)];
     assert!(of(&lost).starts_with("slow manifold: not"));
     assert!(of(&[]).starts_with("slow manifold: not"));
+
+    // Off it: by the median of each network.
+    let near = [("gyroceptron", 0.1, 0.3), ("gyroceptron", 0.1, 2.0), ("penalised", 0.1, 0.04)];
+    assert!(found(&near).ends_with("off it: reproduced by `penalised` (the median within 20 %)"));
+    let two = [("gyroceptron", 0.1, 0.1), ("gyroceptron", 0.1, 0.1), ("gyroceptron", 0.1, 3.0)];
+    assert!(found(&two).contains("reproduced by `gyroceptron`"), "{}", found(&two));
+    let lost = [("gyroceptron", 0.1, f64::NAN), ("gyroceptron", 0.1, f64::NAN)];
+    assert!(found(&lost).contains("off it: not"), "{}", found(&lost));
 }
 
 #[test]

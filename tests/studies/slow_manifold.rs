@@ -84,7 +84,14 @@ fn the_slow_manifold_is_that_of_the_equations() {
         assert!(system > 0.0 && learnt > 0.0 && moved > 1e-6, "{of}");
         // The learnt invariant begins at 0 there.
         assert!(own < 0.05, "{of}");
+        assert!(number(&of["off"]) > 0.0, "{of}");
     }
+    // Off it, of the first weights, it is that of the orbits that are told one by one.
+    let first = &data["off"][0];
+    let [difference, initial] =
+        [&first["differences"][0], &first["system"][0]["initial"]].map(number);
+    let off = number(&beside[0]["off"]);
+    assert!((off - difference / initial.abs()).abs() < 1e-12 * off, "{off}");
     let training = &report.study("training").expect("a study").results.data["models"];
     let trained: Vec<_> =
         training.as_array().expect("networks").iter().map(|m| &m["name"]).collect();

@@ -2,7 +2,7 @@
 
 use super::shared::{Study, WIDER, beyond_pairs, check_slice, coordinate, positions};
 use crate::error::Error;
-use crate::flow::{Symmetries, SymplecticPolynomial};
+use crate::flow::{Pairs, Symmetries, SymplecticPolynomial};
 use crate::measure::orbits::{Follow, aperture_of_ray, maps_survived};
 use crate::network::Rollout;
 use crate::scalar::max_or_nan;
@@ -127,10 +127,25 @@ impl Study for ApertureOptions {
             }
             Ok(())
         })?;
+        // A polynomial is of one map.
+        let epsilon = context.target()?.epsilon();
+        let own = pairs.under_conditions(|of| {
+            of.controls.is_empty() && of.epsilon == epsilon && of.time == 1.0
+        });
+        let without_conditions = |own: Pairs| {
+            Pairs::new("pairs", own.dof(), own.input().to_vec(), own.output().to_vec())
+        };
+        let own = own.map(without_conditions).transpose()?;
         let mut left_out = Vec::new();
         for degree in &self.symplectic_polynomials {
             let name = format!("symplectic polynomial of degree {degree}");
-            let fit = || SymplecticPolynomial::fit_symmetric(&pairs, *degree, &self.symmetries());
+            let Some(pairs) = &own else {
+                left_out.push(Block::Text(format!(
+                    "{name} is left out: no pairs are of the networks' own ε and flow time."
+                )));
+                continue;
+            };
+            let fit = || SymplecticPolynomial::fit_symmetric(pairs, *degree, &self.symmetries());
             let of = match context.stage(&name, |_| Ok::<_, RunError>(fit()))? {
                 Ok(of) => of,
                 // Of the other maps there is something to be said.

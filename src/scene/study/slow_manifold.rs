@@ -16,6 +16,7 @@ use crate::scene::figure::{Figure, Panel, Series, Style};
 use crate::scene::findings::{Block, Findings, Format, Section, Table};
 use crate::scene::learning::BySeed;
 use crate::scene::setup::{Need, check_points};
+use crate::scene::trained::Trained;
 use crate::scene::words::{initial_names, sets_of_weights};
 use crate::system::{Hamiltonian, NearlyPeriodic, System};
 use serde::{Deserialize, Serialize};
@@ -92,13 +93,7 @@ impl Study for SlowManifoldOptions {
                 if !adiabatic || !network.architecture().is_symplectic() {
                     return None;
                 }
-                let own = |z: &[f64]| network.adiabatic_invariant(z)[0];
-                let system = |z: &[f64]| system.adiabatic_invariant(z);
-                Some(Off {
-                    name: trained.spec.name.clone(),
-                    learnt: orbits.quantity(own),
-                    of_system: orbits.quantity(system),
-                })
+                Some(Off::new(trained, system, orbits))
             })
             .collect();
         let mut figures = Vec::new();
@@ -197,6 +192,9 @@ struct BesideReference {
     moved: Option<f64>,
     /// The largest 𝔍₀∘ψ⁻¹ along the orbits from there.
     own: Option<f64>,
+    /// The largest |𝔍₀∘ψ⁻¹ − μ₀| along orbits that begin beside the manifold, over μ₀ at their start: the largest of all
+    /// orbits.
+    off: Option<f64>,
 }
 
 /// The largest distance from a reference over the diagonal of the box that this goes through, over all orbits.
@@ -255,6 +253,7 @@ fn table_beside_reference(found: &[BesideReference]) -> Table {
         ("from the learnt level set", Format::Percent),
         ("which is so far away", Format::Exponent(1)),
         ("largest 𝔍₀∘ψ⁻¹ along it", Format::Exponent(1)),
+        ("off it, 𝔍₀∘ψ⁻¹ from μ₀", Format::Percent),
     ]);
     for of in found {
         table.push([
@@ -263,6 +262,7 @@ fn table_beside_reference(found: &[BesideReference]) -> Table {
             of.from_learnt.into(),
             of.moved.into(),
             of.own.into(),
+            of.off.into(),
         ]);
     }
     table
@@ -293,6 +293,23 @@ struct Off {
 }
 
 impl Off {
+    /// The invariants along orbits of a network.
+    fn new(trained: &Trained, system: &System, orbits: &Trajectories) -> Self {
+        let own = |z: &[f64]| trained.model().adiabatic_invariant(z)[0];
+        Self {
+            name: trained.spec.name.clone(),
+            learnt: orbits.quantity(own),
+            of_system: orbits.quantity(|z| system.adiabatic_invariant(z)),
+        }
+    }
+
+    /// The largest difference of the two over μ₀ at the start, of all orbits.
+    fn relative_difference(&self) -> f64 {
+        let initial = |m: usize| self.of_system.state(0, m)[0].abs();
+        let all = (0..self.learnt.count()).map(|m| self.difference(m) / initial(m));
+        all.fold(0.0, max_or_nan)
+    }
+
     fn data(&self) -> serde_json::Value {
         json!({
             "name": self.name,
@@ -332,6 +349,7 @@ impl SlowManifoldOptions {
                         from_learnt: None,
                         moved: None,
                         own: None,
+                        off: None,
                     });
                     continue;
                 }
@@ -348,6 +366,7 @@ impl SlowManifoldOptions {
                     from_learnt: None,
                     moved: None,
                     own: None,
+                    off: None,
                 };
                 let adiabatic = model.architecture().structure() == Structure::NearlyPeriodic;
                 if adiabatic && model.architecture().is_symplectic() {
@@ -361,6 +380,8 @@ impl SlowManifoldOptions {
                     let own = moved.values().chunks_exact(dim);
                     let own = own.map(|z| model.adiabatic_invariant(z)[0].abs());
                     found.own = Some(own.fold(0.0, max_or_nan));
+                    let off = Off::new(&trained, system, &orbits(&self.off)?);
+                    found.off = Some(off.relative_difference());
                 }
                 out.push(found);
             }

@@ -144,7 +144,12 @@ impl Study for WorkPrecisionOptions {
             tables: &[],
         };
         let data = context.data()?;
-        let points = Points::evenly(data.to_judge_by(), self.points);
+        let epsilon = networks.target.epsilon();
+        let judge = data.of_own_map(epsilon).ok_or_else(|| {
+            let found = format!("none of ε = {epsilon} and flow time {}", networks.time);
+            Error::invalid("pairs to judge by", found, "some of the networks' own map")
+        })?;
+        let points = Points::evenly(&judge, self.points);
         let comparisons = Comparisons {
             one_step: context.stage("error against run time: one step", |_| {
                 self.one_step(&networks, &data, &points)
