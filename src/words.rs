@@ -16,11 +16,11 @@ pub(crate) fn magnitude(value: f64) -> String {
     }
 }
 
-/// A factor: `7.6 ×`, `0.03 ×`.
+/// A factor: `7.6 ×`, `0.83 ×`, `3.4e-3 ×`.
 pub(crate) fn factor(value: f64) -> String {
     const MANY_DIGITS: f64 = 1e5;
-    // One digit behind the point would round it to 0.0 or 0.1.
-    const SHARE: f64 = 0.095;
+    // One digit behind the point would be off by half of it.
+    const SHARE: f64 = 0.995;
     const FEW_DIGITS: f64 = 0.0095;
     match value.abs() {
         size if size < FEW_DIGITS && size > 0.0 => format!("{value:.1e} ×"),

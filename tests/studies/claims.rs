@@ -109,7 +109,7 @@ fn run_times_have_a_verdict_of_their_own() {
         "{found}"
     );
     assert!(found.contains("over RK4: not") && found.contains("40.0 ×"), "{found}");
-    assert!(found.contains("Strang 0.1 ×"), "{found}");
+    assert!(found.contains("Strang 0.10 ×"), "{found}");
     // A small share is no nought.
     assert!(of(0.5, 2.0, 0.034).contains("Strang 0.03 ×"));
     assert!(of(0.5, 2.0, 0.0034).contains("Strang 3.4e-3 ×"));
