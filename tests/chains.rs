@@ -46,6 +46,18 @@ fn is_mirrored(orbit: &PeriodicOrbit) -> bool {
     })
 }
 
+/// Three turns about an elliptic orbit, in maps: of an orbit of 7 points, about whose points a turn takes 1/0.13 periods,
+/// these are 3·7/0.13 = 161.5.
+#[test]
+fn an_island_is_known_after_three_turns_about_its_orbit() {
+    let residue = libm::sin(std::f64::consts::PI * 0.13).powi(2);
+    assert_eq!(IslandSearch::maps_for(7, residue), Some(162));
+    assert_eq!(IslandSearch::maps_for(14, residue), Some(324));
+    for none in [0.0, 1.0, -0.1, 1.1, f64::NAN, 1e-300] {
+        assert_eq!(IslandSearch::maps_for(7, none), None, "{none}");
+    }
+}
+
 /// Both orbits of a chain, of an odd and of an even period, are found without a guess, and are those that a scan of
 /// the plane finds.
 #[test]
