@@ -1234,6 +1234,29 @@ impl NearlyPeriodic for Quick {
     }
 }
 
+/// μ₀ + εμ₁ is within O(ε) of μ₀, and ε²μ₂ beside it of O(ε²), in size and not only in order.
+#[test]
+fn averaged_invariants_are_near_that_of_the_limit() {
+    fn terms(system: &impl NearlyPeriodic, z: &[f64]) -> [f64; 3] {
+        let leading = system.adiabatic_invariant(z);
+        let (first, second) = (averaged_invariant(system, z), second_averaged_invariant(system, z));
+        [leading, (first - leading).abs(), (second - first).abs()]
+    }
+    let epsilon = 1e-3;
+    for [leading, first, second] in [
+        terms(&Oscillators { epsilon }, &[0.9, 0.5, 0.0, 0.1]),
+        terms(&FullOrbit::new(epsilon), &[0.7, -0.4, 0.5, 0.6]),
+        terms(&CellularDrift::new(epsilon), &[0.6, 1.0, 0.3, 0.8]),
+    ] {
+        assert!(leading > 0.1, "{leading}");
+        assert!(first > 1e-3 * epsilon && first < 2.0 * epsilon, "{first:e}");
+        assert!(
+            second > 1e-3 * epsilon * epsilon && second < 100.0 * epsilon * epsilon,
+            "{second:e}"
+        );
+    }
+}
+
 /// To first order in ε μ₀ changes, to second and third what averaging makes of it.
 #[test]
 fn averaging_gains_orders() {

@@ -1259,6 +1259,14 @@ fn as_many_pairs_as_before_are_begun_with() {
         let mut options = LevenbergMarquardtOptions::default();
         options.begin_with(1, model.architecture());
         assert_eq!(options, LevenbergMarquardtOptions::default());
+        // Ten residuals for each parameter, 2n of them a pair; other optimisers look at all pairs.
+        let pairs = (10 * model.architecture().parameter_count()).div_ceil(2 * dof);
+        for (optimiser, expected) in [
+            (Optimiser::LevenbergMarquardt(options), pairs),
+            (Optimiser::Lbfgs(LbfgsOptions::default()), 5000),
+        ] {
+            assert_eq!(optimiser.pairs_of_iteration(model.architecture(), 5000), expected);
+        }
     }
 }
 
