@@ -7,7 +7,8 @@ use gyroceptron::layer::{CircleAction, Reversor, TorusAction};
 use gyroceptron::measure::proof::{
     Ball, BallCentre, BallOf, Candidate, Circle, Complex, Divisors, Failure, FineBall, FixedPoint,
     Jet, NobleNumber, Number, PlaneMap, PlaneStep, Ray, Slope, Taylor, ThreeWords, TwoWords,
-    Verdict, candidates, candidates_near, fixed_point_near, noble_numbers, prove_circle,
+    Verdict, candidates, candidates_near, fixed_point_near, noble_numbers, place_on_ray,
+    prove_circle, rounding_of_a_step, turns_of_orbit,
 };
 use gyroceptron::network::{InitialWeights, Model, NetworkSpec, NormalFormShape};
 use gyroceptron::phase::{Half, Map};
@@ -285,7 +286,10 @@ fn small_divisors_are_bounded() {
         let (divisors, value) = (Divisors::new(&omega), omega.value().centre());
         for delta in [0.1, 0.01, 0.001] {
             let bound = divisors.bound(delta);
-            assert!(bound <= divisors.scaling_bound(delta));
+            let scaling = divisors.scaling_bound(delta);
+            assert!(bound <= scaling);
+            let formula = 1.0 / (96f64.sqrt() * divisors.gamma() * delta);
+            assert!((scaling / formula - 1.0).abs() < 1e-14, "{text} {delta}: {scaling} {formula}");
             // The literal sum, and |ξ| of the η whose modes are all as large as they may be at one point.
             let mut sum = 0.0;
             for k in 1..40_000 {
@@ -317,6 +321,38 @@ fn standard_map(k: f64) -> PlaneMap {
         ],
         cylinder: true,
     }
+}
+
+/// Without a kick, orbits of the standard map turn by p a map.
+#[test]
+fn orbits_turn_as_far_as_they_are_found_to() {
+    let map = standard_map(0.0);
+    for p in [0.1, 0.31, -0.44] {
+        let turns = turns_of_orbit(&map, [0.0; 2], [0.2, p]);
+        assert!((turns - p).abs() < 1e-12, "{turns} {p}");
+    }
+    let omega: NobleNumber = "golden".parse().expect("a number");
+    let ray = Ray { from: [0.25, 0.0], to: [0.25, 1.0] };
+    let place = place_on_ray(&map, ray, &omega).expect("between 0 and 1");
+    assert!(place[0] == 0.25 && (place[1] - omega.value().centre()).abs() < 1e-12, "{place:?}");
+}
+
+/// What a ball says of itself, but for rounding outwards.
+#[test]
+fn balls_say_their_centre_and_bounds() {
+    let ball = Ball::new(3.0, 0.0, 0.25);
+    assert_eq!((ball.centre(), ball.radius()), (3.0, 0.25));
+    for (ball, sign) in [(ball, 1.0), (ball.negated(), -1.0)] {
+        for (bound, exact) in [
+            (ball.magnitude(), 3.25),
+            (ball.mignitude(), 2.75),
+            (ball.lower(), 3.0 * sign - 0.25),
+            (ball.upper(), 3.0 * sign + 0.25),
+        ] {
+            assert!((bound - exact).abs() < 1e-14, "{bound} {exact}");
+        }
+    }
+    assert_eq!((ball.exact().radius(), ball.widened(0.5).radius() >= 0.75), (0.0, true));
 }
 
 /// The golden circle of the standard map for one K after another, by continuation from none.
@@ -466,6 +502,22 @@ fn circles_of_a_network_are_proved_and_nested_and_what_is_wrong_is_refused() {
     let point = FixedPoint::prove(&map, fixed).expect("a proof");
     assert_eq!(point.is_elliptic(), Some(true));
     assert!(FixedPoint::prove(&map, [0.3, 0.2]).is_none());
+
+    for circle in [inner, outer] {
+        let points = circle.points(1 << 14);
+        let ahead = points.chunks(2).cycle().skip(1);
+        let twice: f64 = points.chunks(2).zip(ahead).map(|(a, b)| a[0] * b[1] - a[1] * b[0]).sum();
+        let area = 0.5 * twice.abs();
+        assert!((circle.area() / area - 1.0).abs() < 1e-6, "{} {area}", circle.area());
+    }
+    // What a step in doubles is off by is bounded, and by no more than it is where it is off by far more than rounding.
+    let start = [outer.points(1)[0], outer.points(1)[1]];
+    let mut image = start;
+    map.prepared().apply(&mut image);
+    let rounding = rounding_of_a_step(&map, start, image);
+    assert!(rounding > 0.0 && rounding < 1e-14, "{rounding:e}");
+    let moved = rounding_of_a_step(&map, start, [image[0] + 3e-4, image[1] - 4e-4]);
+    assert!((moved / 5e-4 - 1.0).abs() < 1e-9, "{moved:e}");
 
     // The orbit of a point of the curve stays by the proved circle.
     let (mut z, candidate) = ([outer.points(1)[0], outer.points(1)[1]], &outer.candidate);

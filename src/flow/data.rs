@@ -111,6 +111,14 @@ pub struct Condition {
     pub controls: Vec<f64>,
 }
 
+impl Condition {
+    /// Whether it is of the same ε and time, but for rounding, in single precision too.
+    pub fn is_of(&self, epsilon: f64, time: f64) -> bool {
+        let near = |a: f64, b: f64| (a - b).abs() <= 1e-6 * b.abs();
+        near(self.epsilon, epsilon) && near(self.time, time)
+    }
+}
+
 /// Pairs (z, P(z)) of a map, or of a family of maps: two arrays (N, 2n), columns q₁…qₙ, p₁…pₙ.
 /// In a family, each run of consecutive pairs belongs to one [`Condition`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -190,8 +190,14 @@ impl<'a> Context<'a> {
                     made => Ok(made?),
                 }
             })?;
-            // A wrong stage is seen before the first of several trainings.
+            // What is wrong with a stage, or missing for the studies, is seen before the first of several trainings.
             let own = (file.epsilon, time);
+            if made.of_own_map(file.epsilon).is_none() {
+                let found = format!("ε = {} and flow time {time}", file.epsilon);
+                let place = file.pairs.display();
+                let expected = format!("those of some pairs of {place}");
+                return Err(Error::invalid("data.epsilon and flow_time", found, expected).into());
+            }
             for model in &self.scene.setup.models {
                 self.stages(&self.scene.setup.training_of(model).ramp, own, &made)?;
             }

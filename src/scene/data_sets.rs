@@ -348,10 +348,11 @@ impl DataSets {
         })
     }
 
-    /// The pairs to judge maps of one ε and flow time by: those of the networks' own among those to judge by; None
-    /// where there are none.
+    /// The pairs to judge the networks' own map by, that of their ε and flow time: held out, where there are any; None
+    /// where none are of it.
     pub(super) fn of_own_map(&self, epsilon: f64) -> Option<Pairs> {
-        self.to_judge_by().under_conditions(|of| of.epsilon == epsilon && of.time == 1.0)
+        let of = |pairs: &Pairs| pairs.under_conditions(|of| of.is_of(epsilon, 1.0));
+        of(self.to_judge_by()).or_else(|| of(&self.training))
     }
 
     /// The pairs to judge by: held out, where there are any.

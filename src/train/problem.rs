@@ -40,9 +40,8 @@ impl StagePairs {
         let (epsilon, time) = (stage.epsilon.unwrap_or(own.0), stage.flow_time.unwrap_or(own.1));
         let share = time / own.1;
         let is_of = |condition: &Condition| {
-            let near = |a: f64, b: f64| (a - b).abs() <= 1e-12 * b.abs();
-            (stage.epsilon.is_none() || near(condition.epsilon, epsilon))
-                && (stage.flow_time.is_none() || near(condition.time, share))
+            let epsilon = stage.epsilon.unwrap_or(condition.epsilon);
+            condition.is_of(epsilon, stage.flow_time.map_or(condition.time, |_| share))
         };
         let is_any = stage.epsilon.is_none() && stage.flow_time.is_none();
         let of = |pairs: &Pairs| -> Option<Pairs> {

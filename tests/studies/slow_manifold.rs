@@ -84,7 +84,7 @@ fn the_slow_manifold_is_that_of_the_equations() {
         assert!(system > 0.0 && learnt > 0.0 && moved > 1e-6, "{of}");
         // The learnt invariant begins at 0 there.
         assert!(own < 0.05, "{of}");
-        assert!(number(&of["off"]) > 0.0, "{of}");
+        assert!(number(&of["off"]) > 0.0 && number(&of["from_manifold"]) > 0.0, "{of}");
     }
     // Off it, of the first weights, it is that of the orbits that are told one by one.
     let first = &data["off"][0];

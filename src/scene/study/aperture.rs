@@ -129,9 +129,7 @@ impl Study for ApertureOptions {
         })?;
         // A polynomial is of one map.
         let epsilon = context.target()?.epsilon();
-        let own = pairs.under_conditions(|of| {
-            of.controls.is_empty() && of.epsilon == epsilon && of.time == 1.0
-        });
+        let own = pairs.under_conditions(|of| of.controls.is_empty() && of.is_of(epsilon, 1.0));
         let without_conditions = |own: Pairs| {
             Pairs::new("pairs", own.dof(), own.input().to_vec(), own.output().to_vec())
         };
@@ -141,7 +139,7 @@ impl Study for ApertureOptions {
             let name = format!("symplectic polynomial of degree {degree}");
             let Some(pairs) = &own else {
                 left_out.push(Block::Text(format!(
-                    "{name} is left out: no pairs are of the networks' own ε and flow time."
+                    "{name} is left out: no pairs are of the networks' own ε and flow time, without controls."
                 )));
                 continue;
             };

@@ -188,6 +188,9 @@ struct BesideReference {
     /// The same from ψ(w), w being ψ⁻¹ of such a point with the fast planes at 0, where 𝔍₀∘ψ⁻¹ = 0; None of maps that
     /// own no such invariant.
     from_learnt: Option<f64>,
+    /// The largest distance of these orbits from those of the reference on the slow manifold, from the other points,
+    /// over the same diagonal.
+    from_manifold: Option<f64>,
     /// The largest distance of that point from the other.
     moved: Option<f64>,
     /// The largest 𝔍₀∘ψ⁻¹ along the orbits from there.
@@ -251,6 +254,7 @@ fn table_beside_reference(found: &[BesideReference]) -> Table {
         ("map", Format::Exact),
         ("from μ₀ = 0", Format::Percent),
         ("from the learnt level set", Format::Percent),
+        ("these from the slow manifold", Format::Percent),
         ("which is so far away", Format::Exponent(1)),
         ("largest 𝔍₀∘ψ⁻¹ along it", Format::Exponent(1)),
         ("off it, 𝔍₀∘ψ⁻¹ from μ₀", Format::Percent),
@@ -260,6 +264,7 @@ fn table_beside_reference(found: &[BesideReference]) -> Table {
             format!("`{}`", of.name).into(),
             of.from_system.into(),
             of.from_learnt.into(),
+            of.from_manifold.into(),
             of.moved.into(),
             of.own.into(),
             of.off.into(),
@@ -347,6 +352,7 @@ impl SlowManifoldOptions {
                         name: trained.spec.name.clone(),
                         from_system: f64::INFINITY,
                         from_learnt: None,
+                        from_manifold: None,
                         moved: None,
                         own: None,
                         off: None,
@@ -364,6 +370,7 @@ impl SlowManifoldOptions {
                     name: trained.spec.name.clone(),
                     from_system,
                     from_learnt: None,
+                    from_manifold: None,
                     moved: None,
                     own: None,
                     off: None,
@@ -374,8 +381,9 @@ impl SlowManifoldOptions {
                     let learnt: Vec<Vec<f64>> = learnt.collect::<Result<_, Error>>()?;
                     let apart = on.iter().zip(&learnt).map(|(a, b)| distance(a, b));
                     found.moved = Some(apart.fold(0.0, max_or_nan));
-                    let reference = context.reference(system, &learnt, interval, request.kept())?;
                     let moved = orbits(&learnt)?;
+                    found.from_manifold = Some(relative_distance(&moved, &reference.trajectories));
+                    let reference = context.reference(system, &learnt, interval, request.kept())?;
                     found.from_learnt = Some(relative_distance(&moved, &reference.trajectories));
                     let own = moved.values().chunks_exact(dim);
                     let own = own.map(|z| model.adiabatic_invariant(z)[0].abs());
