@@ -5,9 +5,9 @@ use crate::tolerances;
 use astro_float::{BigFloat, Consts, RoundingMode};
 use gyroceptron::layer::{CircleAction, Reversor, TorusAction};
 use gyroceptron::measure::proof::{
-    Ball, BallCentre, BallOf, Candidate, Circle, Complex, Divisors, Failure, FineBall, FixedPoint,
-    Jet, NobleNumber, Number, PlaneMap, PlaneStep, Ray, Slope, Taylor, ThreeWords, TwoWords,
-    Verdict, candidates, candidates_near, fixed_point_near, noble_numbers, place_on_ray,
+    Ball, BallCentre, BallOf, Candidate, Circle, Complex, Constant, Divisors, Failure, FineBall,
+    FixedPoint, Jet, NobleNumber, Number, PlaneMap, PlaneStep, Ray, Slope, Taylor, ThreeWords,
+    TwoWords, Verdict, candidates, candidates_near, fixed_point_near, noble_numbers, place_on_ray,
     prove_circle, rounding_of_a_step, turns_of_orbit,
 };
 use gyroceptron::network::{InitialWeights, Model, NetworkSpec, NormalFormShape};
@@ -289,7 +289,10 @@ fn small_divisors_are_bounded() {
             let scaling = divisors.scaling_bound(delta);
             assert!(bound <= scaling);
             let formula = 1.0 / (96f64.sqrt() * divisors.gamma() * delta);
-            assert!((scaling / formula - 1.0).abs() < 1e-14, "{text} {delta}: {scaling} {formula}");
+            assert!(
+                (scaling / formula - 1.0).abs() < tolerances::OF_BOUNDS,
+                "{text} {delta}: {scaling} {formula}"
+            );
             // The literal sum, and |ξ| of the η whose modes are all as large as they may be at one point.
             let mut sum = 0.0;
             for k in 1..40_000 {
@@ -329,12 +332,13 @@ fn orbits_turn_as_far_as_they_are_found_to() {
     let map = standard_map(0.0);
     for p in [0.1, 0.31, -0.44] {
         let turns = turns_of_orbit(&map, [0.0; 2], [0.2, p]);
-        assert!((turns - p).abs() < 1e-12, "{turns} {p}");
+        assert!((turns - p).abs() < tolerances::OF_TURNS, "{turns} {p}");
     }
-    let omega: NobleNumber = "golden".parse().expect("a number");
-    let ray = Ray { from: [0.25, 0.0], to: [0.25, 1.0] };
-    let place = place_on_ray(&map, ray, &omega).expect("between 0 and 1");
-    assert!(place[0] == 0.25 && (place[1] - omega.value().centre()).abs() < 1e-12, "{place:?}");
+    let omega: NobleNumber = "[0; 2, (1)]".parse().expect("a number");
+    let ray = Ray { from: [0.25, 0.0], to: [0.25, 0.5] };
+    let place = place_on_ray(&map, ray, &omega).expect("between 0 and a half");
+    let apart = (place[1] - omega.value().centre()).abs();
+    assert!(place[0] == 0.25 && apart < tolerances::OF_TURNS, "{place:?}");
 }
 
 /// What a ball says of itself, but for rounding outwards.
@@ -349,10 +353,26 @@ fn balls_say_their_centre_and_bounds() {
             (ball.lower(), 3.0 * sign - 0.25),
             (ball.upper(), 3.0 * sign + 0.25),
         ] {
-            assert!((bound - exact).abs() < 1e-14, "{bound} {exact}");
+            assert!((bound - exact).abs() < tolerances::OF_BOUNDS, "{bound} {exact}");
         }
     }
-    assert_eq!((ball.exact().radius(), ball.widened(0.5).radius() >= 0.75), (0.0, true));
+    let wider = ball.widened(0.5).radius();
+    assert!(ball.exact().radius() == 0.0 && (wider - 0.75).abs() < tolerances::OF_BOUNDS);
+
+    // Moduli of a number, and of a linear model with a remainder.
+    let w = Complex::new(3.0, -4.0);
+    let mut c = [Complex::ZERO; 7];
+    (c[0], c[1]) = (w, Complex::new(0.3, 0.4));
+    let model = Taylor::new(c, 0.25);
+    let fine = ([3.0, 0.25, 0.0], 0.0);
+    let constant = Constant { high: 3.0, low: -0.25, radius: 0.5, fine };
+    for (above, exact) in [(w.above(), 5.0), (model.above(), 5.75), (constant.off(), 0.75)] {
+        assert!(above >= exact && above - exact < tolerances::OF_BOUNDS, "{above} {exact}");
+    }
+    for (below, exact) in [(w.below(), 5.0), (model.below(), 4.25)] {
+        assert!(below <= exact && exact - below < tolerances::OF_BOUNDS, "{below} {exact}");
+    }
+    assert_eq!(model.remainder(), 0.25);
 }
 
 /// The golden circle of the standard map for one K after another, by continuation from none.
@@ -508,16 +528,17 @@ fn circles_of_a_network_are_proved_and_nested_and_what_is_wrong_is_refused() {
         let ahead = points.chunks(2).cycle().skip(1);
         let twice: f64 = points.chunks(2).zip(ahead).map(|(a, b)| a[0] * b[1] - a[1] * b[0]).sum();
         let area = 0.5 * twice.abs();
-        assert!((circle.area() / area - 1.0).abs() < 1e-6, "{} {area}", circle.area());
+        let share = circle.area() / area - 1.0;
+        assert!(share.abs() < tolerances::OF_POLYGON, "{} {area}", circle.area());
     }
     // What a step in doubles is off by is bounded, and by no more than it is where it is off by far more than rounding.
     let start = [outer.points(1)[0], outer.points(1)[1]];
     let mut image = start;
     map.prepared().apply(&mut image);
     let rounding = rounding_of_a_step(&map, start, image);
-    assert!(rounding > 0.0 && rounding < 1e-14, "{rounding:e}");
+    assert!(rounding > 0.0 && rounding < tolerances::OF_A_STEP, "{rounding:e}");
     let moved = rounding_of_a_step(&map, start, [image[0] + 3e-4, image[1] - 4e-4]);
-    assert!((moved / 5e-4 - 1.0).abs() < 1e-9, "{moved:e}");
+    assert!((moved / 5e-4 - 1.0).abs() < tolerances::OF_A_DISTANCE, "{moved:e}");
 
     // The orbit of a point of the curve stays by the proved circle.
     let (mut z, candidate) = ([outer.points(1)[0], outer.points(1)[1]], &outer.candidate);

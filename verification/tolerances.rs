@@ -304,5 +304,16 @@ pub const MOST_OF_SIN: f64 = 1e6;
 /// A remainder of a Taylor model that is a hundred times the error at a point of its edge is not merely large: rounding
 /// makes it so where the model is narrow.
 pub const TIGHT: f64 = 0.01;
+/// Bounds of numbers of order one are rounded outwards some ten times by 2⁻⁵²: a few 10⁻¹⁵.
+pub const OF_BOUNDS: f64 = 1e-13;
+/// The area of a polygon of 2¹⁴ corners on a curve of few harmonics k is less than that of the curve by (2πk/2¹⁴)²/6, some
+/// 10⁻⁷ of it.
+pub const OF_POLYGON: f64 = 1e-6;
+/// A step of some hundred operations in doubles on numbers of order one is off by some hundred units in the last place.
+pub const OF_A_STEP: f64 = 1e-13;
+/// A hundred roundings of a step beside a distance of 5·10⁻⁴.
+pub const OF_A_DISTANCE: f64 = 1e-9;
+/// A weighted average of equal numbers, and 44 halvings of a part of a ray, are off by rounding.
+pub const OF_TURNS: f64 = 1e-12;
 /// The bound of small divisors sums 1500 of them as they are: the rest is less than a thousandth.
 pub const OF_DIVISORS: f64 = 1.001;
