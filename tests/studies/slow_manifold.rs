@@ -86,7 +86,7 @@ fn the_slow_manifold_is_that_of_the_equations() {
         assert!(own < 0.05, "{of}");
         assert!(number(&of["off"]) > 0.0 && number(&of["from_manifold"]) > 0.0, "{of}");
     }
-    // Off it, of the first weights, it is that of the orbits that are told one by one.
+    // Off it, of the first weights, it is that of the orbits in the table.
     let first = &data["off"][0];
     let [difference, initial] =
         [&first["differences"][0], &first["system"][0]["initial"]].map(number);
