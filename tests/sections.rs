@@ -1615,6 +1615,7 @@ fn sections_find_their_axis_and_keep_the_flux() {
     let error = apart / 256.0;
     assert!((section.error() / error - 1.0).abs() < 1e-3, "{} {error}", section.error());
     assert_eq!(section.field().points() % (10 * coils.len()), 0);
+    assert_eq!(section.points() * coils.len(), section.field().points());
     let starts = section.starts(4);
     assert!(
         (starts[6] - axis[0] - 0.1).abs() < 1e-15 && (starts[0] - axis[0] - 0.05).abs() < 1e-15
