@@ -852,7 +852,7 @@ fn polynomial_maps_reproduce_polynomials() {
     let output: Vec<f64> = input.chunks(2).flat_map(henon).collect();
     let pairs = Pairs::new("pairs", 1, input, output).expect("pairs");
     let fitted = PolynomialMap::fit(&pairs, 2).expect("a map");
-    assert_eq!(fitted.parameters(), 12);
+    assert_eq!((fitted.parameters(), fitted.degree()), (12, 2));
     assert!(fitted.error_on(&pairs) < 1e-13, "{}", fitted.error_on(&pairs));
     let linear = PolynomialMap::fit(&pairs, 1).expect("a map");
     let both = pairs.input().chunks(2).zip(pairs.output().chunks(2));
@@ -933,6 +933,8 @@ fn symplectic_polynomials_are_symplectic_at_every_degree() {
     let pairs = pairs_of(1, 300, 0.6, henon);
     let fitted = SymplecticPolynomial::fit(&pairs, 3).expect("a map");
     assert_eq!((fitted.parameters(), fitted.degree()), (9, 3));
+    // Monomials of degree 0 to 3 in two numbers: one more than parameters, as a constant moves nothing.
+    assert_eq!(SymplecticPolynomial::terms(1, 3, &Symmetries::default()), Some(10));
     assert!(fitted.error_on(&pairs) < 1e-14, "{}", fitted.error_on(&pairs));
     let coarse = SymplecticPolynomial::fit(&pairs, 2).expect("a map");
     assert!(coarse.error_on(&pairs) > 1e-2, "{}", coarse.error_on(&pairs));
