@@ -359,7 +359,7 @@ impl Setup {
     }
 
     /// The stages of a ramp that lead up to the map of an ε and a flow time: none, where weights of an earlier flow
-    /// time are there to begin with. Pairs of a file are of those maps that they are of, in stages too.
+    /// time are there to begin with. Where the pairs are of a file no stage is left out.
     pub(super) fn leading_up(
         &self,
         options: &TrainingOptions,

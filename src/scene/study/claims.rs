@@ -273,7 +273,7 @@ impl<'a> OnSlowManifold<'a> {
         self.networks.iter().map(of).collect::<Vec<_>>().join(", ")
     }
 
-    /// With how much μ₀ itself changes along the orbits of the first weights.
+    /// The distances of 𝔍₀∘ψ⁻¹ from μ₀, and how much μ₀ itself changes along the orbits of the first weights.
     fn off_in_words(&self) -> String {
         let of = |network: &&str| {
             let first = array(&self.found["off"]).iter().find(|of| of["name"] == **network);
