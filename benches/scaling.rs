@@ -46,7 +46,7 @@ fn measure(rounds: usize, mut work: impl FnMut()) -> Measured {
             start.elapsed().as_secs_f64()
         })
         .collect();
-    Measured { seconds: Spread::of(seconds).expect("at least one round"), peak }
+    Measured { seconds: Spread::from_values(seconds).expect("at least one round"), peak }
 }
 
 /// `layers` of `width` neurons, half of them in ψ.

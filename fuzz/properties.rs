@@ -323,7 +323,8 @@ fn file_of(u: &mut Unstructured<'_>, model: Model) -> Result<Outcome, String> {
         Ok(true) => Units::new(numbers(u, dim), factors).ok(),
         _ => None,
     };
-    let stored = StoredModel { model, units, section: None, provenance: Provenance::of("fuzz") };
+    let stored =
+        StoredModel { model, units, section: None, provenance: Provenance::of_scene("fuzz") };
     let outcome = same_again(&stored)?;
     let mut bytes = model_text(&stored).map_err(|e| e.to_string())?.into_bytes();
     let at = u.arbitrary::<u32>().unwrap_or(0) as usize % bytes.len();

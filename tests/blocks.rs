@@ -291,7 +291,7 @@ fn arrangements_are_kept_in_files() {
             model: model.clone(),
             units: None,
             section: None,
-            provenance: Provenance::of("test"),
+            provenance: Provenance::of_scene("test"),
         };
         let text = model_text(&stored).expect("finite");
         let back = parse_model("m.json", text.as_bytes()).expect("as written").model;
@@ -763,7 +763,7 @@ fn an_architecture_that_was_edited_is_refused() {
         model: model(&architecture),
         units: None,
         section: None,
-        provenance: Provenance::of("x"),
+        provenance: Provenance::of_scene("x"),
     };
     let text = model_text(&stored).expect("finite").replace("\n        ", " ");
     assert!(parse_model("m.json", text.as_bytes()).is_ok());

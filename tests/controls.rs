@@ -289,7 +289,7 @@ fn stored(model: &Model) -> StoredModel {
         model: model.clone(),
         units: Some(Units::new(vec![0.1, -0.05], vec![0.5, 2.0]).expect("units")),
         section: Some(section),
-        provenance: Provenance::of("test"),
+        provenance: Provenance::of_scene("test"),
     }
 }
 
@@ -441,16 +441,17 @@ fn a_section_follows_its_controls() {
     let made = made.and_then(|made| made.with_changes(&[(&change, 0.7)])).expect("positive");
     let there = |x: f64, y: f64| nominal(x, y) + 0.7 * change(x, y);
     let wanted = AreaDensity::of_function(there, [-1.0; 2], [1.0; 2], 2.0).expect("positive");
-    let at = made.at(&[0.7]).expect("one number");
+    let at = made.at_offsets(&[0.7]).expect("one number");
     for place in [[0.3, -0.4], [-0.9, 0.8]] {
         let (found, own) = (at.to_canonical(place), wanted.to_canonical(place));
         close(found[1], own[1], 1e-14, "p");
-        let by_differences = slope(|by| made.at(&[by]).expect("one").to_canonical(place)[1], 1e-2);
+        let by_differences =
+            slope(|by| made.at_offsets(&[by]).expect("one").to_canonical(place)[1], 1e-2);
         close(made.by_control(0, place), by_differences, 1e-12, "∂p/∂λ");
     }
-    assert!(made.at(&[1.0, 2.0]).is_err());
+    assert!(made.at_offsets(&[1.0, 2.0]).is_err());
     // Far away there is no chart.
-    assert!(made.at(&[9.0]).expect("one number").check().is_err());
+    assert!(made.at_offsets(&[9.0]).expect("one number").check().is_err());
 }
 
 /// What a file of a model has, and what it has not.
@@ -634,7 +635,7 @@ fn polynomials_follow_their_controls() {
     // The sine and the cosine of a quadratic angle are no polynomials of second degree, nor their product with a
     // strength.
     let error = |at: [f64; 2]| {
-        family.at(&at).expect("two values").error_on(&pairs_of_henon(&[at], 50, 6).0)
+        family.at_controls(&at).expect("two values").error_on(&pairs_of_henon(&[at], 50, 6).0)
     };
     assert!(error([0.5, -0.5]) < 3e-4, "{:e}", error([0.5, -0.5]));
     // At one value of the first control, and linear in the other, it is exact.
@@ -645,10 +646,12 @@ fn polynomials_follow_their_controls() {
     let pairs = plain.under_controls(&ones, &ones, &values).expect("values");
     let controls = Controls { ranges: vec![range("b", 0.0, 1.0)], degree: 1 };
     let family = PolynomialFamily::fit(&pairs, 2, &controls).expect("enough pairs");
-    let error =
-        family.at(&[0.45]).expect("a value").error_on(&pairs_of_henon(&[[0.0, 0.45]], 50, 6).0);
+    let error = family
+        .at_controls(&[0.45])
+        .expect("a value")
+        .error_on(&pairs_of_henon(&[[0.0, 0.45]], 50, 6).0);
     assert!(error < 1e-14, "{error:e}");
-    assert!(family.at(&[0.45, 1.0]).is_err());
+    assert!(family.at_controls(&[0.45, 1.0]).is_err());
     let reason = PolynomialFamily::fit(&pairs, 30, &controls).expect_err("too many").to_string();
     assert!(reason.contains("two pairs for each term"), "{reason}");
     assert!(PolynomialFamily::fit(&family_of_none(), 2, &controls).is_err());

@@ -67,7 +67,7 @@ fn models() -> Vec<Model> {
 fn by_definition(model: &Model) -> f64 {
     let (mut total, mut count) = (0.0, 0);
     for (epsilon, time, set) in sets() {
-        let model = model.at(epsilon, time).expect("finite");
+        let model = model.with_epsilon_and_time(epsilon, time).expect("finite");
         for (z, target) in set.input().chunks_exact(4).zip(set.output().chunks_exact(4)) {
             let mut w = z.to_vec();
             model.forward(&mut w);
@@ -107,7 +107,7 @@ fn the_loss_of_a_family_may_be_relative() {
     for model in models() {
         let mut expected = 0.0;
         for ((epsilon, time, set), weight) in sets().iter().zip(&weights) {
-            let there = model.at(*epsilon, *time).expect("finite");
+            let there = model.with_epsilon_and_time(*epsilon, *time).expect("finite");
             let error = objective(set).value(there.composition());
             close(*weight, slow(*epsilon, *time) / mean, 1e-14, "weight");
             expected += weight * error * set.len() as f64 / 87.0;
@@ -159,7 +159,7 @@ fn gradient_and_curvature_of_a_family_are_those_of_differences() {
                     weights[index] += by;
                     let model = model.with_parameters(weights).expect("finite");
                     let mut w = z.to_vec();
-                    model.at(epsilon, time).expect("finite").forward(&mut w);
+                    model.with_epsilon_and_time(epsilon, time).expect("finite").forward(&mut w);
                     w
                 };
                 for z in set.input().chunks_exact(4) {
@@ -272,7 +272,7 @@ fn a_normal_form_learns_a_family() {
         assert!(best < share * first, "{:?}: {best:e} of {first:e}", options.optimiser);
         if share < 0.01 {
             let unseen = set(100, TIME * 0.75, 0.045, 5);
-            let there = outcome.model.at(0.045, 0.75).expect("finite");
+            let there = outcome.model.with_epsilon_and_time(0.045, 0.75).expect("finite");
             let error = objective(&unseen).value(there.composition());
             assert!(error < 4.0 * best, "{error:e} {best:e}");
             let wrong = objective(&unseen).value(outcome.model.composition());

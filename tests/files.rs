@@ -120,7 +120,7 @@ fn models_keep_their_bits() {
         symp_net(true),
         couplings(),
     ] {
-        let provenance = Provenance { seed: Some(u64::MAX), ..Provenance::of("test") };
+        let provenance = Provenance { seed: Some(u64::MAX), ..Provenance::of_scene("test") };
         save_model(
             &path,
             &StoredModel { model: model.clone(), units: None, section: None, provenance },
@@ -149,7 +149,7 @@ fn boxes_that_are_none_are_refused() {
         (vec![1.0; dim], vec![-1.0; dim], false),
     ] {
         let region = Some(Region { low, high });
-        let provenance = Provenance { region: region.clone(), ..Provenance::of("test") };
+        let provenance = Provenance { region: region.clone(), ..Provenance::of_scene("test") };
         save_model(&path, &StoredModel { model: model(), units: None, section: None, provenance })
             .expect("written");
         let read = load_model(&path);
@@ -168,7 +168,7 @@ fn broken_models_are_refused() {
         model: model(),
         units: None,
         section: None,
-        provenance: Provenance::of("test"),
+        provenance: Provenance::of_scene("test"),
     };
     save_model(&path, &stored).expect("written");
     let whole = std::fs::read_to_string(&path).expect("read");
@@ -602,7 +602,7 @@ fn a_normal_form_comes_back() {
         model: model.clone(),
         units: None,
         section: None,
-        provenance: Provenance::of("test"),
+        provenance: Provenance::of_scene("test"),
     };
     save_model(&file, &stored).expect("written");
     let back = load_model(&file).expect("read").model;

@@ -433,7 +433,7 @@ fn areas_that_change_are_no_ground_for_long_orbits() {
     let fitted = fit().run(pairs(150, 0.9, 1)).expect("trains");
     let outcome = fitted.outcome();
     let judged = |defect: Option<AreaDefect>| {
-        let of = Judgement::of(outcome, &fitted.problem.pairs, None, fitted.nearest());
+        let of = Judgement::new(outcome, &fitted.problem.pairs, None, fitted.nearest());
         let of = of.expect("orbits");
         let before = [of.no_long_orbits.len(), of.care.len()];
         let of = of.with_area_defects(defect);
@@ -480,7 +480,7 @@ fn couplings_are_advised_for_friction() {
         let fitted = fit.run(with_friction(400, factor, kick)).expect("trains");
         let judgement = fitted.judgement().expect("judged");
         assert_eq!(judgement.limit == Limit::Areas, advised, "{judgement}");
-        assert_eq!(NextStep::of(&fitted, &judgement) == NextStep::Couplings, advised);
+        assert_eq!(NextStep::after(&fitted, &judgement) == NextStep::Couplings, advised);
         if advised {
             // No share of more than all of it.
             let text = judgement.to_string();
@@ -549,7 +549,7 @@ fn a_plateau_is_no_lack_of_iterations() {
     let fitted = fit().run(pairs(150, 0.9, 1)).expect("trains");
     let judged = |stop| {
         let outcome = Outcome { stop, ..fitted.outcome().clone() };
-        let of = Judgement::of(&outcome, &fitted.problem.pairs, None, fitted.nearest());
+        let of = Judgement::new(&outcome, &fitted.problem.pairs, None, fitted.nearest());
         of.expect("orbits").limit
     };
     assert_eq!(judged(Stop::Iterations), Limit::Iterations);
@@ -565,7 +565,7 @@ fn few_iterations_do_not_show_a_loss_at_rest() {
         let first = outcome.history[0];
         let at = |iteration| TrainingRecord { iteration, loss: outcome.loss, ..first };
         outcome.history = [0, iterations / 2, iterations].map(at).to_vec();
-        let of = Judgement::of(&outcome, &fitted.problem.pairs, None, fitted.nearest());
+        let of = Judgement::new(&outcome, &fitted.problem.pairs, None, fitted.nearest());
         of.expect("orbits").limit
     };
     assert_eq!(judged(Stop::Iterations, 49), Limit::Iterations);

@@ -284,7 +284,7 @@ fn repeated_pairs_and_images_beyond_the_inputs_are_told() {
     };
     let step = |input: Vec<f64>, strength: f64| {
         let (fitted, judgement) = trained(input, strength);
-        NextStep::of(&fitted, &judgement)
+        NextStep::after(&fitted, &judgement)
     };
     assert_eq!(step(points(40, &mut stream).repeat(15), 0.3), NextStep::DistinctPairs);
     let (_, care) = judged(points(600, &mut stream), 3.0);

@@ -734,7 +734,7 @@ fn a_nearly_integrable_model_is_kept_whole() {
     assert_eq!(random.composition().parameters().len(), count);
     assert_eq!(random.angle(), Some(0.3));
     // ε of other signs and sizes; the angle and the twist grow with the time, the kicks do not.
-    let other = model.at(-0.1, 2.0).expect("a member");
+    let other = model.with_epsilon_and_time(-0.1, 2.0).expect("a member");
     let by_hand = {
         let shape = NormalFormShape { flow_time: 1.4, ..shape_of(&map) };
         let mut parameters = map.composition().parameters().to_vec();

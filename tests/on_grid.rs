@@ -152,12 +152,14 @@ fn orbits_are_the_same_bits_everywhere() {
                 let mut alone = z.to_vec();
                 let step = |z: &mut Vec<i64>| match numbers {
                     GridNumbers::Integers => {
-                        let mut on: Vec<_> = z.iter().map(|&k| IntegerOnGrid::at(k, 44)).collect();
+                        let mut on: Vec<_> =
+                            z.iter().map(|&k| IntegerOnGrid::from_place(k, 44)).collect();
                         (0..3).for_each(|_| model.forward(&mut on));
                         *z = on.iter().map(|z| z.place().expect("on the grid")).collect();
                     }
                     GridNumbers::Floats => {
-                        let mut on: Vec<_> = z.iter().map(|&k| FloatOnGrid::at(k, 44)).collect();
+                        let mut on: Vec<_> =
+                            z.iter().map(|&k| FloatOnGrid::from_place(k, 44)).collect();
                         (0..3).for_each(|_| model.forward(&mut on));
                         *z = on.iter().map(|z| z.place().expect("on the grid")).collect();
                     }
@@ -306,7 +308,7 @@ fn small_tori_are_mapped_onto_themselves() {
     let images = |map: &dyn Fn(&mut [Small])| {
         let states = (-128..128).flat_map(|q| (-128..128).map(move |p| [q, p]));
         let image = |state: [i64; 2]| {
-            let mut z = state.map(|place| Small::at(place, 5));
+            let mut z = state.map(|place| Small::from_place(place, 5));
             map(&mut z);
             z.map(|z| z.place().expect("on the grid"))
         };
@@ -323,7 +325,7 @@ fn small_tori_are_mapped_onto_themselves() {
             model.forward(&mut plain);
             for (z, value) in z.iter_mut().zip(plain) {
                 let place = (value * 32.0).round_ties_even() as i64;
-                *z = Small::at(place, 5);
+                *z = Small::from_place(place, 5);
             }
         };
         assert!(images(&rounded) < 1 << 16, "{name}");
@@ -384,7 +386,7 @@ fn quantising_moves_a_point_by_half_the_spacing_at_most() {
     // Halves go to even places, with either sign.
     let grid = grid(0, GridNumbers::Integers);
     assert_eq!(grid.quantise(&[0.5, 1.5, -0.5, -1.5, 2.5]).expect("small"), [0, 2, 0, -2, 2]);
-    let on = |place| IntegerOnGrid::at(place, 0);
+    let on = |place| IntegerOnGrid::from_place(place, 0);
     let half = |times: f64| on(0).increment(times, IntegerOnGrid::from_f64(0.5)).place();
     assert_eq!([1.0, 3.0, -1.0, -3.0, 5.0].map(half), [0, 2, 0, -2, 2].map(Some));
     // Far beyond 64 bits the last ones are what counts.
@@ -437,7 +439,7 @@ fn floats_that_stay_in_range_do_so_on_the_way_back() {
     }
     // Places that floats do not hold are none of theirs.
     for place in [1_i64 << 51, i64::MIN, -(1 << 51)] {
-        assert_eq!(FloatOnGrid::at(place, 50).place(), None);
+        assert_eq!(FloatOnGrid::from_place(place, 50).place(), None);
     }
     let mut beyond = GridPoints::new(grid, vec![0; 3].into_iter().chain([1 << 51]).collect());
     let (request, pace) = (Rollout { steps: 1, every: 1 }, &mut Pace::unbroken());
@@ -461,7 +463,7 @@ fn turns_are_undone_where_integers_wrap() {
         let [there, back] = [theta, -theta].map(|theta| circle.turn_by_fraction(theta));
         for q in (-128..128).step_by(5).chain([127]) {
             for p in [-128, -127, -1, 0, 3, 64, 127] {
-                let mut z = [q, p].map(|place| Small::at(place, 5));
+                let mut z = [q, p].map(|place| Small::from_place(place, 5));
                 there.forward(&mut z);
                 back.forward(&mut z);
                 assert_eq!(z.map(|z| z.place()), [Some(q), Some(p)], "{theta:?}");
@@ -477,7 +479,7 @@ fn turns_are_undone_where_integers_wrap() {
 #[test]
 fn the_number_is_a_function_of_the_place() {
     let zero = |z: f64| z.to_bits() == 0;
-    let (integer, float) = (IntegerOnGrid::at(0, 44), FloatOnGrid::at(0, 44));
+    let (integer, float) = (IntegerOnGrid::from_place(0, 44), FloatOnGrid::from_place(0, 44));
     assert!(zero(gyroceptron::scalar::Real::value(-integer)));
     assert!(zero(gyroceptron::scalar::Real::value(-float)));
     let plain = IntegerOnGrid::from_f64(0.75);
@@ -513,7 +515,7 @@ fn far_points_and_pauses_change_nothing() {
     assert_eq!(states.expect("integers"), by_parts.expect("integers"));
     assert_eq!(whole, parts);
     for (z, end) in start.places().chunks_exact(4).zip(whole.places().chunks_exact(4)) {
-        let mut alone: Vec<_> = z.iter().map(|&k| IntegerOnGrid::at(k, 44)).collect();
+        let mut alone: Vec<_> = z.iter().map(|&k| IntegerOnGrid::from_place(k, 44)).collect();
         (0..300).for_each(|_| model.forward(&mut alone));
         let alone: Vec<_> = alone.iter().map(|z| z.place().expect("on the grid")).collect();
         assert_eq!(alone, end);

@@ -256,7 +256,7 @@ fn twisted(omegas: impl Fn(&[f64]) -> Vec<f64>, action: &TorusAction, count: usi
 fn rings_turn_by_their_whole_angles() {
     let one = TorusAction::from(CircleAction::new([-2]));
     let pairs = twisted(|j| vec![omega(-j[0] / 2.0)], &one, 400);
-    let rings = Rings::of(&pairs, &one).expect("rings");
+    let rings = Rings::fit(&pairs, &one).expect("rings");
     assert!(rings.angles().len() > 20);
     let turns: Vec<f64> = rings
         .angles()
@@ -269,7 +269,7 @@ fn rings_turn_by_their_whole_angles() {
     }
     let two = TorusAction::of_planes(2);
     let both = |j: &[f64]| vec![omega(j[0]) + j[1], 0.5 - 9.0 * j[1] + 2.0 * j[0]];
-    let rings = Rings::of(&twisted(both, &two, 4000), &two).expect("rings");
+    let rings = Rings::fit(&twisted(both, &two, 4000), &two).expect("rings");
     let mut whole = [None; 2];
     for (actions, angles) in rings.angles() {
         for (k, expected) in both(actions).into_iter().enumerate() {
@@ -279,9 +279,9 @@ fn rings_turn_by_their_whole_angles() {
         }
     }
     // A plane that does not turn, and pairs without rings.
-    assert!(Rings::of(&twisted(both, &two, 400), &CircleAction::new([1, 0]).into()).is_none());
+    assert!(Rings::fit(&twisted(both, &two, 400), &CircleAction::new([1, 0]).into()).is_none());
     let chance = Pairs::new("pairs", 1, points(300, 2, 1.0), points(301, 2, 1.0)[2..].to_vec());
-    assert!(Rings::of(&chance.expect("finite"), &TorusAction::of_planes(1)).is_none());
+    assert!(Rings::fit(&chance.expect("finite"), &TorusAction::of_planes(1)).is_none());
 }
 
 /// A twist through several turns is learnt from there, and not from a twist that does not turn.

@@ -102,7 +102,7 @@ fn a_reversor_makes_a_map_reversible_for_all_weights() {
         let found = defect(&reversible, reversor, &z);
         assert!(found < 1e-14, "{name}: {found:e}");
         // And at another flow time and another ε.
-        let other = reversible.at(0.1, 3.0).expect("a member of the family");
+        let other = reversible.with_epsilon_and_time(0.1, 3.0).expect("a member of the family");
         let found = defect(&other, reversor, &z);
         assert!(found < 1e-14, "{name}: {found:e}");
         let certificate = certify(&reversible, options());
@@ -277,8 +277,12 @@ fn reversors_are_declared_by_name() {
     for (name, architecture, _) in arrangements() {
         let (units, section) = (None, None);
         let of = model(&architecture);
-        let stored =
-            StoredModel { model: of.clone(), units, section, provenance: Provenance::of("test") };
+        let stored = StoredModel {
+            model: of.clone(),
+            units,
+            section,
+            provenance: Provenance::of_scene("test"),
+        };
         let text = model_text(&stored).expect("finite");
         let back = parse_model("m.json", text.as_bytes()).expect("as written").model;
         assert_eq!(back.architecture(), &architecture, "{name}");

@@ -170,7 +170,8 @@ fn the_best_of_several_starts_goes_on() {
 fn a_ramp_is_its_rungs_one_after_another() {
     let options = TrainingOptions { ramp: ramp(), ..options(0) };
     let result = run(&options, &mut Store::default());
-    let mut model = start(0).expect("a start").at(0.025, 10.0 / TIME).expect("finite");
+    let mut model =
+        start(0).expect("a start").with_epsilon_and_time(0.025, 10.0 / TIME).expect("finite");
     let [angle] = model.angles() else { panic!("one circle") };
     assert!((angle - 10.0).abs() < 1e-12, "{angle}");
     let steps = [(0.025, 10.0, 8), (EPSILON, 20.0, 8), (EPSILON, TIME, 14)];
@@ -191,7 +192,10 @@ fn a_ramp_is_its_rungs_one_after_another() {
             let weights = outcome.model.composition().parameters();
             let mut weights = weights.to_vec();
             *weights.last_mut().expect("θ") *= (next / TIME) / (time / TIME);
-            model = start(0).expect("a start").at(*epsilon, next / TIME).expect("finite");
+            model = start(0)
+                .expect("a start")
+                .with_epsilon_and_time(*epsilon, next / TIME)
+                .expect("finite");
             model = model.with_parameters(weights).expect("finite");
         }
     }
@@ -343,7 +347,8 @@ fn twists_are_trained_alone_in_the_chart_of_the_ramp() {
     }];
     let options = TrainingOptions { ramp, fresh_twists: fresh(6, 12), ..options(0) };
     let result = run(&options, &mut Store::default());
-    let model = start(0).expect("a start").at(EPSILON, 1.0 / TIME).expect("finite");
+    let model =
+        start(0).expect("a start").with_epsilon_and_time(EPSILON, 1.0 / TIME).expect("finite");
     let outcome = plain(&model, [&pairs(1.0, EPSILON, 1), &pairs(1.0, EPSILON, 2)], 8);
     let there = start(0).expect("a start");
     let model = there.with_weights_of(&outcome.model, TIME).expect("of its shape");
@@ -491,7 +496,7 @@ fn twists_of_a_family_are_trained_in_its_charts() {
     let mut sum = 0.0;
     let mut rows = held_out.input().chunks_exact(4).zip(held_out.output().chunks_exact(4));
     for condition in held_out.conditions() {
-        let at = model.at(condition.epsilon, condition.time).expect("finite");
+        let at = model.with_epsilon_and_time(condition.epsilon, condition.time).expect("finite");
         let [chart, inner] = at.chart_and_inner_map();
         for (input, output) in rows.by_ref().take(condition.pairs) {
             let (mut there, mut expected) = (input.to_vec(), output.to_vec());

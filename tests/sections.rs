@@ -46,7 +46,7 @@ fn a_ring_has_the_field_of_the_formula_on_its_axis() {
     let field = CoilField::new(&[ring()], 64).expect("a field");
     for z in [0.0f64, 0.3, -1.0, 4.0] {
         let expected = TAU * 1e-7 / (1.0 + z * z).powf(1.5);
-        let [x, y, found] = field.at([0.0, 0.0, z]);
+        let [x, y, found] = field.magnetic_field([0.0, 0.0, z]);
         assert!((found / expected - 1.0).abs() < 1e-14, "{z}: {found} {expected}");
         assert!(x.abs() < 1e-21 && y.abs() < 1e-21, "{x} {y}");
     }
@@ -58,7 +58,7 @@ fn fields_have_no_divergence_and_no_curl() {
     let field = torsatron(240);
     let derivatives = |place: [f64; 3], sign: f64| {
         let lifted: [Dual<f64, 3>; 3] = std::array::from_fn(|k| Dual::variable(place[k], k));
-        let mut rows = field.at(lifted).map(|v| v.eps);
+        let mut rows = field.magnetic_field(lifted).map(|v| v.eps);
         rows[2] = rows[2].map(|v| v * sign);
         let size = rows.iter().flatten().map(|v| v.abs()).fold(0.0, max_or_nan);
         let divergence = rows[0][0] + rows[1][1] + rows[2][2];
@@ -100,7 +100,7 @@ fn a_tokamak_has_its_ripple_and_the_current_of_its_plasma() {
     assert!((14.0..26.0).contains(&order), "{order} {ripples:?}");
     for place in [[3.0, 0.3, 0.1], [2.5, 1.2, -0.4]] {
         let lifted: [Dual<f64, 3>; 3] = std::array::from_fn(|k| Dual::variable(place[k], k));
-        let rows = field.at(lifted).map(|v| v.eps);
+        let rows = field.magnetic_field(lifted).map(|v| v.eps);
         let size = rows.iter().flatten().map(|v| v.abs()).fold(0.0, max_or_nan);
         let divergence = rows[0][0] + rows[1][1] + rows[2][2];
         assert!(divergence.abs() < 1e-13 * size, "{divergence} {size}");
@@ -345,7 +345,7 @@ fn the_toroidal_field_of_a_section_is_that_of_its_coils() {
     let section = LineSection::new(&coils, request).expect("a section");
     for [radius, height] in [[3.95, 0.0], [4.0, 0.05], [3.9, -0.1]] {
         let place = [radius * phi.cos(), radius * phi.sin(), height];
-        let [x, y, _]: [f64; 3] = section.field().at(place);
+        let [x, y, _]: [f64; 3] = section.field().magnetic_field(place);
         let expected = y * phi.cos() - x * phi.sin();
         let found = section.toroidal_field(radius, height);
         assert!((found / expected - 1.0).abs() < 1e-12 && found.abs() > 0.1, "{found}");
@@ -428,7 +428,7 @@ fn bad_coils_are_refused() {
             (false, all) => {
                 let all = CoilField::new(&all.expect("coils"), 120).expect("a field");
                 let [one, two]: [[f64; 3]; 2] =
-                    [&all, &torsatron(120)].map(|field| field.at([3.8, 0.7, 0.1]));
+                    [&all, &torsatron(120)].map(|field| field.magnetic_field([3.8, 0.7, 0.1]));
                 let apart = one.iter().zip(two).map(|(a, b)| (a - b).abs());
                 assert!(apart.fold(0.0, max_or_nan) < 1e-12, "{one:?} {two:?}");
             }
@@ -507,11 +507,15 @@ fn coils_are_read_from_text() {
                 0 1 1 0 0 0  0 1 0 0 1 0\n";
     let set = parse_coils("coils.dat", text.as_bytes(), &[1.0, 0.0], 2, false).expect("coils");
     assert_eq!(set.coils.len(), 2);
-    assert_eq!(set.coils[1].at(0.25).0.map(|v| (v * 1e15).round() / 1e15), [3.0, 0.0, 1.0]);
+    assert_eq!(
+        set.coils[1].point_and_tangent(0.25).0.map(|v| (v * 1e15).round() / 1e15),
+        [3.0, 0.0, 1.0]
+    );
     let field = CoilField::new(&set.all().expect("coils"), 64).expect("a field");
     let ring = CoilField::new(&[ring()], 64).expect("a field");
     // The ring is its own image; the other carries nothing.
-    let [one, two]: [[f64; 3]; 2] = [&ring, &field].map(|field| field.at([0.2, 0.1, 0.3]));
+    let [one, two]: [[f64; 3]; 2] =
+        [&ring, &field].map(|field| field.magnetic_field([0.2, 0.1, 0.3]));
     assert!(one.iter().zip(two).all(|(a, b)| (a - b).abs() < 1e-21), "{one:?} {two:?}");
     let said = |text: &str, currents: &[f64]| {
         parse_coils("coils.dat", text.as_bytes(), currents, 1, false).expect_err("bad").to_string()
@@ -1462,7 +1466,7 @@ fn polynomials_come_back_from_their_files() {
         let symmetries = Symmetries { reversor, ..Symmetries::default() };
         let map = PolynomialOnSection::fit(&plane, 6, &symmetries, section).expect("a map");
         let path = folder.path().join("map.json");
-        let provenance = Provenance { data: Some("digest".into()), ..Provenance::of("fit") };
+        let provenance = Provenance { data: Some("digest".into()), ..Provenance::of_scene("fit") };
         let stored = StoredPolynomial { map: map.clone(), provenance };
         save_polynomial(&path, &stored).expect("written");
         let stored_back = load_polynomial(&path).expect("read");
@@ -1880,7 +1884,7 @@ fn a_form_that_is_not_kept_is_seen() {
     let window = Window { low: vec![-0.8; 4], high: vec![0.8; 4], samples: 3000 };
     let points = sample(&[window], 2, &mut Stream::new(1, "points")).expect("points");
     let (pairs, _) = Pairs::of_flow(&Oscillators { epsilon: 0.05 }, points, 2.0).expect("pairs");
-    let kept = FormDefect::of(&pairs).expect("enough");
+    let kept = FormDefect::measure(&pairs).expect("enough");
     assert!(!kept.is_seen(0.0), "{kept:?}");
     let moved = |points: &[f64], change: fn(&[f64]) -> [f64; 4]| -> Vec<f64> {
         points.chunks(4).flat_map(change).collect()
@@ -1888,15 +1892,15 @@ fn a_form_that_is_not_kept_is_seen() {
     // Another coordinate: p₁ ↦ p₁ + ⅕p₁³.
     let bent = |z: &[f64]| [z[0], z[1], z[2] + 0.2 * z[2].powi(3), z[3]];
     let other = Pairs::new("bent", 2, moved(pairs.input(), bent), moved(pairs.output(), bent));
-    let seen = FormDefect::of(&other.expect("pairs")).expect("enough");
+    let seen = FormDefect::measure(&other.expect("pairs")).expect("enough");
     assert!(seen.is_seen(0.0) && seen.median > 1e-3, "{seen:?}");
     let damped = |z: &[f64]| [z[0], z[1] * 0.98, z[2], z[3] * 0.98];
     let other = Pairs::new("damped", 2, pairs.input().to_vec(), moved(pairs.output(), damped));
-    let seen = FormDefect::of(&other.expect("pairs")).expect("enough");
+    let seen = FormDefect::measure(&other.expect("pairs")).expect("enough");
     let exact = 1.0 - 0.98_f64.powi(2);
     assert!(seen.is_seen(0.0) && (seen.median - exact).abs() < 1e-4, "{seen:?}");
     // Nothing is seen that is below what is known of the form.
     assert!(!seen.is_seen(0.02), "{seen:?}");
     // Of a handful nothing is said.
-    assert!(FormDefect::of(&pairs.rows(0..4)).is_none());
+    assert!(FormDefect::measure(&pairs.rows(0..4)).is_none());
 }

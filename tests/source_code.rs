@@ -21,7 +21,7 @@ fn steps_of(name: &str) -> usize {
 
 fn stored(architecture: Architecture) -> StoredModel {
     let made = architecture.in_box(1.5).initialise(InitialWeights::Normal { scale: 0.3 }, 0.7, 3);
-    let (units, section, provenance) = (None, None, Provenance::of("test"));
+    let (units, section, provenance) = (None, None, Provenance::of_scene("test"));
     StoredModel { model: made.expect("sound"), units, section, provenance }
 }
 
@@ -235,7 +235,7 @@ fn c_gives_the_bits_of_the_crate() {
         .collect();
     assert!(all.len() > 20, "{} models", all.len());
     for (name, stored, _) in &all {
-        let code = SourceCode::of(stored, SourceLanguage::C, name, None).expect("a map");
+        let code = SourceCode::generate(stored, SourceLanguage::C, name, None).expect("a map");
         code.write(&folder.path().join(format!("{name}.c"))).expect("files");
     }
     std::fs::write(folder.path().join("main.c"), driver(&all)).expect("a file");
@@ -281,12 +281,14 @@ fn c_gives_the_bits_of_the_crate() {
 fn what_is_no_name_is_refused() {
     let model = stored(architectures().swap_remove(0).1);
     for name in ["", "3d", "a-b", "é", "_a", "math", &"a".repeat(41)] {
-        let error = SourceCode::of(&model, SourceLanguage::C, name, None).expect_err("no name");
+        let error =
+            SourceCode::generate(&model, SourceLanguage::C, name, None).expect_err("no name");
         assert!(error.to_string().contains("a letter"), "{error}");
     }
-    assert!(SourceCode::of(&model, SourceLanguage::C, "int", None).is_ok());
+    assert!(SourceCode::generate(&model, SourceLanguage::C, "int", None).is_ok());
     for name in ["jax", "class", "my-map"] {
-        let error = SourceCode::of(&model, SourceLanguage::Jax, name, None).expect_err("no name");
+        let error =
+            SourceCode::generate(&model, SourceLanguage::Jax, name, None).expect_err("no name");
         assert!(error.to_string().contains("Python imports"), "{error}");
     }
 }
@@ -302,7 +304,7 @@ fn fortran_calls_the_same_map() {
     // As long as a name can be.
     let name = "in_units_".to_owned() + &"x".repeat(31);
     let folder = tempfile::tempdir().expect("a folder");
-    let code = SourceCode::of(&stored, SourceLanguage::C, &name, None).expect("a map");
+    let code = SourceCode::generate(&stored, SourceLanguage::C, &name, None).expect("a map");
     code.write(&folder.path().join(format!("{name}.c"))).expect("files");
     let program = "program main\n  use in_units_module\n  use, intrinsic :: iso_c_binding\n  implicit none\n  \
                    real(c_double) :: z(in_units_dim), v(in_units_dim), invariant\n  integer(c_int) :: inside\n  \

@@ -230,8 +230,8 @@ fn errors_of_components_are_their_definition() {
         {
             let at = match pairs.conditions().is_empty() {
                 true => model.clone(),
-                false if k < 10 => model.at(0.1, 1.0).expect("a member"),
-                false => model.at(0.2, 3.0).expect("a member"),
+                false if k < 10 => model.with_epsilon_and_time(0.1, 1.0).expect("a member"),
+                false => model.with_epsilon_and_time(0.2, 3.0).expect("a member"),
             };
             let mut w = z.to_vec();
             at.forward(&mut w);

@@ -230,7 +230,7 @@ fn a_network_in_units_is_symplectic() {
 }
 
 fn stored(units: Option<Units>) -> StoredModel {
-    StoredModel { model: model(), units, section: None, provenance: Provenance::of("test") }
+    StoredModel { model: model(), units, section: None, provenance: Provenance::of_scene("test") }
 }
 
 #[test]
@@ -243,7 +243,7 @@ fn a_model_acts_in_the_units_of_its_data() {
     assert_eq!(scaled.rollout(&times(&start), request).expect("finite"), times(&states));
     let (own, of_data) = (plain.invariant().expect("one"), scaled.invariant().expect("one"));
     assert_eq!(of_data(&times(&start[..4])), 64.0 * 64.0 * own(&start[..4]));
-    let member = scaled.at(0.02, 2.0).expect("a member");
+    let member = scaled.with_epsilon_and_time(0.02, 2.0).expect("a member");
     assert_eq!(member.units, scaled.units);
     assert_eq!(member.model.architecture().epsilon, 0.02);
     // One step and back, and its derivatives against differences.

@@ -254,12 +254,12 @@ fn steps_pay_for_what_came_before() {
 
 #[test]
 fn quartiles_lie_between_neighbours() {
-    let spread = Spread::of(vec![5.0, 1.0, 2.0, 4.0, 3.0]).expect("five values");
+    let spread = Spread::from_values(vec![5.0, 1.0, 2.0, 4.0, 3.0]).expect("five values");
     assert_eq!(spread, Spread { lower: 2.0, median: 3.0, upper: 4.0 });
-    let spread = Spread::of(vec![4.0, 1.0]).expect("two values");
+    let spread = Spread::from_values(vec![4.0, 1.0]).expect("two values");
     assert_eq!(spread, Spread { lower: 1.75, median: 2.5, upper: 3.25 });
     assert_eq!(spread.scaled(2.0).upper, 6.5);
-    assert_eq!(Spread::of(Vec::new()), None);
+    assert_eq!(Spread::from_values(Vec::new()), None);
 }
 
 #[test]

@@ -54,7 +54,7 @@ fn traces_do_what_the_map_does() {
         let model = case.model();
         let dim = 2 * Map::<f64>::dof(&model);
         for inverse in [false, true] {
-            let trace = Trace::of(dim, |z| {
+            let trace = Trace::new(dim, |z| {
                 if inverse {
                     model.inverse(z)
                 } else {

@@ -336,7 +336,7 @@ fn bijection(map: &dyn Fn(&mut [i64; 2])) -> Tally {
 }
 
 fn on_small_torus<G: GridPlace<f64>>(model: &Model, state: &mut [i64; 2]) {
-    let mut z = state.map(|place| OnGrid::<f64, G>::at(place, SMALL_BITS));
+    let mut z = state.map(|place| OnGrid::<f64, G>::from_place(place, SMALL_BITS));
     model.forward(&mut z);
     *state = z.map(|z| z.place().expect("on the grid"));
 }
@@ -463,7 +463,7 @@ impl Map<f64> for Broken {
 impl GridMap for Broken {
     fn move_places(&self, direction: Direction, grid: Grid, places: &mut [i64]) -> GridMove {
         fn run<const FAULT: u8>(model: &Model, direction: Direction, grid: Grid, z: &mut [i64]) {
-            let at = |&place: &i64| OnGrid::<f64, Faulty<FAULT>>::at(place, grid.bits());
+            let at = |&place: &i64| OnGrid::<f64, Faulty<FAULT>>::from_place(place, grid.bits());
             let mut on: Vec<_> = z.iter().map(at).collect();
             model.run(direction, &mut on);
             z.iter_mut().zip(on).for_each(|(z, on)| *z = on.place().expect("on the grid"));

@@ -208,7 +208,7 @@ fn taylor_models_hold_complex_values() {
             let norm = re.times(re).plus(im.times(im));
             let inverse = [re.over(norm), im.negated().over(norm)];
             for (model, value) in results.iter().zip([sine, tanh, square, inverse]) {
-                let near = model.at(place);
+                let near = model.evaluate(place);
                 let off = [near.re - value[0].centre(), near.im - value[1].centre()];
                 let off = libm::hypot(off[0], off[1]);
                 // The point is on the circle to a rounding, and so is what is compared.

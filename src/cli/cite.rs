@@ -6,7 +6,7 @@ use gyroceptron::scene::{self, Scene, bibtex};
 use std::path::Path;
 
 /// The entries for what is named: a file of proofs, or a scene and the methods that its studies use.
-pub fn of(target: Option<&str>) -> Result<String, Error> {
+pub fn entries(target: Option<&str>) -> Result<String, Error> {
     let Some(target) = target else { return Ok(bibtex(None)) };
     let path = Path::new(target);
     if path.extension().is_none_or(|ending| ending != "json") {

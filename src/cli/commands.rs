@@ -51,7 +51,7 @@ pub fn dispatch(arguments: Arguments) -> Result<Status, Error> {
         Command::Completions(arguments) => about::completions(&arguments),
         Command::Manual(arguments) => about::manual(&arguments),
         Command::Cite { target } => {
-            out(&cite::of(target.as_deref())?)?;
+            out(&cite::entries(target.as_deref())?)?;
             Ok(Status::Done)
         }
     }
@@ -389,7 +389,7 @@ fn import(arguments: &Import) -> Result<Status, Error> {
     let provenance = Provenance {
         data: Some(file_digest(&arguments.weights)?),
         flow_time: flow_time.or(arguments.flow_time),
-        ..Provenance::of("import")
+        ..Provenance::of_scene("import")
     };
     let stored = StoredModel { model: model.clone(), units, section: None, provenance };
     save_model(&arguments.output, &stored)?;
@@ -459,7 +459,7 @@ fn export_code(arguments: &Export, language: SourceLanguage) -> Result<Status, E
     let member = (!words.is_empty())
         .then(|| format!("a member ({}) of the model with the digest {family}", words.join(", ")));
     let name = arguments.output.file_stem().unwrap_or_default().to_string_lossy();
-    let code = SourceCode::of(&stored, language, &name, member.as_deref())
+    let code = SourceCode::generate(&stored, language, &name, member.as_deref())
         .map_err(|e| e.with_place("--output"))?;
     let paths = code.paths(&arguments.output);
     for path in &paths {

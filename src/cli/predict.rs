@@ -137,7 +137,7 @@ pub fn predict(arguments: &Predict) -> Result<Status, Error> {
     let beyond = network.filter(|_| asked);
     let beyond =
         beyond.and_then(|stored| stored.leaves_polynomials(&values, points, request.every));
-    let lost = SectionExit::of(&values, dof, points, request.every);
+    let lost = SectionExit::in_states(&values, dof, points, request.every);
     let lost = lost.filter(|_| asked);
     let beyond_learnt = network.filter(|_| asked).and_then(|stored| stored.beyond_learnt());
     let exits: Vec<String> = { left.iter().zip(region) }

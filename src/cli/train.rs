@@ -350,7 +350,7 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
     let trust = match arguments.common.json {
         true => {
             let judgement = fitted.judgement()?;
-            let (trust, next) = (judgement.trust(), next(NextStep::of(&fitted, &judgement)));
+            let (trust, next) = (judgement.trust(), next(NextStep::after(&fitted, &judgement)));
             let Trust { verdict, error, reasons } = trust;
             Some(json!({ "verdict": verdict, "error": error, "reasons": reasons, "next": next }))
         }

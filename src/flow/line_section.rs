@@ -386,7 +386,7 @@ fn axis_of(
     let (mut low, mut high) = (f64::INFINITY, 0.0f64);
     for coil in coils {
         for k in 0..FEWEST_POINTS {
-            let (point, _) = coil.at(k as f64 / FEWEST_POINTS as f64);
+            let (point, _) = coil.point_and_tangent(k as f64 / FEWEST_POINTS as f64);
             let radius = libm::hypot(point[0], point[1]);
             // no NaN: coils were checked by the field
             (low, high) = (f64::min(low, radius), f64::max(high, radius));

@@ -34,7 +34,7 @@ impl PolynomialFamily {
     ///
     /// # Errors
     /// When there is not one value for each.
-    pub fn at(&self, values: &[f64]) -> Result<PolynomialMap, Error> {
+    pub fn at_controls(&self, values: &[f64]) -> Result<PolynomialMap, Error> {
         Error::check_count("values of controls", self.controls.ranges.len(), values.len())?;
         Ok(PolynomialMap::total(&self.maps, &self.controls.products(values)))
     }

@@ -226,7 +226,7 @@ pub struct TwoFits {
 
 impl TwoFits {
     /// The two fits to pairs of one map; None where there are too few of them for such fits.
-    pub fn of(pairs: &Pairs) -> Option<Self> {
+    pub fn fit(pairs: &Pairs) -> Option<Self> {
         const MOST_DEGREE: usize = 24;
         const TERMS: usize = 800;
         let small =
@@ -273,8 +273,8 @@ impl TwoFits {
 
 impl FormDefect {
     /// The defect of the map that pairs are of; None where there are too few of them for such a fit.
-    pub fn of(pairs: &Pairs) -> Option<Self> {
-        Some(TwoFits::of(pairs)?.form_defect(pairs))
+    pub fn measure(pairs: &Pairs) -> Option<Self> {
+        Some(TwoFits::fit(pairs)?.form_defect(pairs))
     }
 
     /// Whether the defect shows that no symplectic map has these pairs, where the form itself is known to a relative

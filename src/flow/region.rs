@@ -202,7 +202,7 @@ pub(crate) fn lose_rest(states: &mut [f64], row: usize, dim: usize) {
 impl SectionExit {
     /// The states of `points` trajectories, (T, M, 2n), that are no numbers, since their orbits are lost: one state in
     /// `every` is kept. None if all are numbers.
-    pub fn of(values: &[f64], dof: usize, points: usize, every: usize) -> Option<Self> {
+    pub fn in_states(values: &[f64], dof: usize, points: usize, every: usize) -> Option<Self> {
         let lost = |z: &[f64]| z.iter().any(|v| v.is_nan()).then_some(OutsideSection {});
         Self::first_of(values.chunks_exact(2 * dof).map(lost), points, every)
     }

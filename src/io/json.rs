@@ -81,7 +81,7 @@ impl Learnt {
 
 impl Provenance {
     /// The provenance of a model of this scene, with the version of this crate.
-    pub fn of(scene: &str) -> Self {
+    pub fn of_scene(scene: &str) -> Self {
         Self {
             scene: scene.to_owned(),
             crate_version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -134,18 +134,19 @@ impl StoredModel {
             validation: training.outcome.best.validation,
             region: problem.region.clone(),
             learnt: Some(Learnt::of(problem)).filter(|_| problem.architecture.has_circle()),
-            ..Provenance::of(name)
+            ..Provenance::of_scene(name)
         };
         let (units, section) = (problem.units.clone(), problem.section.clone());
         Self { model: fitted.model().clone(), units, section, provenance }
     }
 
-    /// [`Model::at`], in the same units; its held-out error is not known.
+    /// [`Model::with_epsilon_and_time`], in the same units; its held-out error is not known.
     ///
     /// # Errors
-    /// Those of [`Model::at`].
-    pub fn at(&self, epsilon: f64, time: f64) -> Result<Self, Error> {
-        let mut out = Self { model: self.model.at(epsilon, time)?, ..self.clone() };
+    /// Those of [`Model::with_epsilon_and_time`].
+    pub fn with_epsilon_and_time(&self, epsilon: f64, time: f64) -> Result<Self, Error> {
+        let mut out =
+            Self { model: self.model.with_epsilon_and_time(epsilon, time)?, ..self.clone() };
         out.provenance.flow_time = self.provenance.flow_time.map(|own| time * own);
         // Of the map that it was.
         out.provenance.validation = None;
@@ -156,7 +157,7 @@ impl StoredModel {
     ///
     /// # Errors
     /// [`Error::Invalid`] when the network is built on no circle, or a flow time is asked for and
-    /// is not positive, or that of the model is not known; those of [`Model::at`].
+    /// is not positive, or that of the model is not known; those of [`Model::with_epsilon_and_time`].
     pub fn member(self, epsilon: Option<f64>, flow_time: Option<f64>) -> Result<Self, Error> {
         let architecture = self.model.architecture();
         if epsilon.is_none() && flow_time.is_none() {
@@ -179,7 +180,7 @@ impl StoredModel {
             }
         };
         let epsilon = epsilon.unwrap_or(architecture.epsilon);
-        self.at(epsilon, time)
+        self.with_epsilon_and_time(epsilon, time)
     }
 
     /// That ε or the flow time is outside of those of the pairs, in words; None where it is not, or they are not known.

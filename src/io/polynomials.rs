@@ -32,7 +32,7 @@ impl StoredPolynomial {
             seed: Some(seed),
             data: Some(fitted.digest.clone()),
             validation: held_out.map(|error| error * error / each as f64),
-            ..Provenance::of("fit")
+            ..Provenance::of_scene("fit")
         };
         Self { map: fitted.map.clone(), provenance }
     }

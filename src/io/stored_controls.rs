@@ -16,7 +16,8 @@ impl StoredModel {
     pub fn at_controls(&self, values: &[f64]) -> Result<Self, Error> {
         values.iter().try_for_each(|value| Error::check_finite("control", *value))?;
         let model = self.model.at_controls(values)?;
-        let section = self.section.as_ref().map(|section| section.at(values)).transpose()?;
+        let section =
+            self.section.as_ref().map(|section| section.at_controls(values)).transpose()?;
         let mut out = Self { model, section, ..self.clone() };
         out.provenance.validation = None;
         Ok(out)

@@ -177,17 +177,22 @@ impl RidgeFunction {
 impl TwistShears {
     /// Shears with these numbers of neurons.
     pub fn new(planes: FastPlanes, widths: &[usize]) -> Self {
-        Self::of(planes, widths, RidgeFunction::default(), false)
+        Self::with_function(planes, widths, RidgeFunction::default(), false)
     }
 
     /// Turned shears with these numbers of neurons.
     pub fn turned(planes: FastPlanes, widths: &[usize]) -> Self {
-        Self::of(planes, widths, RidgeFunction::default(), true)
+        Self::with_function(planes, widths, RidgeFunction::default(), true)
     }
 
     /// Shears with these numbers of ridge functions, turned or not. Polynomials come without a
     /// quadratic form, since that is a polynomial too.
-    pub fn of(planes: FastPlanes, widths: &[usize], function: RidgeFunction, turned: bool) -> Self {
+    pub fn with_function(
+        planes: FastPlanes,
+        widths: &[usize],
+        function: RidgeFunction,
+        turned: bool,
+    ) -> Self {
         let intervals = match function {
             RidgeFunction::Neurons(_) => Vec::new(),
             RidgeFunction::Polynomial { radius, .. } => planes.intervals(radius),

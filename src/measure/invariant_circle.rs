@@ -83,7 +83,7 @@ impl InvariantCircle {
             let (mut above, mut below) = (0.0, 0.0);
             for n in 0..seen {
                 let count = n as f64 - middle;
-                let (point, slope) = out.at(count * out.turns);
+                let (point, slope) = out.point_and_slope(count * out.turns);
                 for axis in 0..2 {
                     let along = count * slope[axis];
                     above += (orbit[2 * n + axis] - point[axis]) * along;
@@ -98,7 +98,7 @@ impl InvariantCircle {
             }
         }
         let missed = (seen..orbit.len() / 2).map(|n| {
-            let (point, _) = out.at((n as f64 - middle) * out.turns);
+            let (point, _) = out.point_and_slope((n as f64 - middle) * out.turns);
             libm::hypot(point[0] - orbit[2 * n], point[1] - orbit[2 * n + 1])
         });
         out.error = missed.fold(0.0, max_or_nan);
@@ -111,7 +111,7 @@ impl InvariantCircle {
     }
 
     /// K and dK/du at θ = 2πu.
-    pub fn at(&self, u: f64) -> ([f64; 2], [f64; 2]) {
+    pub fn point_and_slope(&self, u: f64) -> ([f64; 2], [f64; 2]) {
         let (mut point, mut slope) = (self.modes[0], [0.0; 2]);
         for (k, pair) in self.modes[1..].chunks_exact(2).enumerate() {
             let turns = (k + 1) as f64;
@@ -127,7 +127,7 @@ impl InvariantCircle {
 
     /// `count` points of the curve at equal distances of θ, two numbers each.
     pub fn points(&self, count: usize) -> Vec<f64> {
-        (0..count).flat_map(|k| self.at(k as f64 / count as f64).0).collect()
+        (0..count).flat_map(|k| self.point_and_slope(k as f64 / count as f64).0).collect()
     }
 
     /// The area within the curve, with the sign of its direction: ½∮(x dy − y dx) = π Σ k (c_k × s_k).
@@ -145,7 +145,7 @@ impl InvariantCircle {
     pub fn flux(&self, density: &AreaDensity) -> f64 {
         let count = 8 * self.modes() + 8;
         let of = |k: usize| {
-            let (point, slope) = self.at(k as f64 / count as f64);
+            let (point, slope) = self.point_and_slope(k as f64 / count as f64);
             let [_, p] = density.to_canonical(point);
             p * slope[1]
         };
@@ -189,7 +189,7 @@ impl InvariantCircle {
     /// The least distance from a place within a sample of `count` on either side of sample k, by golden section.
     fn distance_within(&self, place: &[f64], k: f64, count: f64) -> f64 {
         let apart = |u: f64| {
-            let (point, _) = self.at(u);
+            let (point, _) = self.point_and_slope(u);
             libm::hypot(point[0] - place[0], point[1] - place[1])
         };
         // Distances about a minimum differ by the square of this.
@@ -202,7 +202,7 @@ impl InvariantCircle {
     fn distance_near(&self, place: &[f64], from: f64) -> f64 {
         const STEPS: usize = 8;
         let apart = |u: f64| {
-            let (point, slope) = self.at(u);
+            let (point, slope) = self.point_and_slope(u);
             ([point[0] - place[0], point[1] - place[1]], slope)
         };
         let mut u = from;

@@ -89,7 +89,8 @@ fn move_numbers<G: GridPlace<f64>>(
     grid: Grid,
     places: &mut [i64],
 ) -> GridMove {
-    let mut z: Vec<_> = places.iter().map(|&place| OnGrid::at(place, grid.bits())).collect();
+    let mut z: Vec<_> =
+        places.iter().map(|&place| OnGrid::from_place(place, grid.bits())).collect();
     map(&mut z);
     if z.iter().any(|z| z.is_of_no_increments()) {
         return GridMove::NoIncrement;

@@ -80,7 +80,7 @@ impl SeriesInvariant {
     ///
     /// # Panics
     /// When there are fewer than three angles.
-    pub fn of(model: &Model, angles: usize) -> Option<Self> {
+    pub fn new(model: &Model, angles: usize) -> Option<Self> {
         assert!(angles >= 3, "{angles} angles");
         let architecture = model.architecture();
         let adiabatic = architecture.structure() == Structure::NearlyPeriodic;
@@ -104,14 +104,14 @@ impl SeriesInvariant {
     ///
     /// # Errors
     /// When the point is of another size.
-    pub fn at(&self, z: &[f64]) -> Result<(f64, f64), Error> {
+    pub fn evaluate(&self, z: &[f64]) -> Result<(f64, f64), Error> {
         let leading = self.leading(z)?;
         Ok((leading[0], self.first(z, &leading)?[0].value))
     }
 
     /// μ₀, μ₁ and μ₂ at a point of 2n numbers.
     ///
-    /// Cost: with M angles M²(8n + 4) times the evaluations of [`SeriesInvariant::at`] for one angle.
+    /// Cost: with M angles M²(8n + 4) times the evaluations of [`SeriesInvariant::evaluate`] for one angle.
     ///
     /// # Errors
     /// When the point is of another size.
@@ -172,7 +172,7 @@ impl SeriesInvariant {
             Ok::<_, Error>(match order {
                 0 => self.leading(z)?[0],
                 1 => {
-                    let (leading, first) = self.at(z)?;
+                    let (leading, first) = self.evaluate(z)?;
                     leading + epsilon * first
                 }
                 _ => {

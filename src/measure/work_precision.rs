@@ -22,7 +22,7 @@ pub struct Spread {
 
 impl Spread {
     /// The median and quartiles of these values; None where there are none.
-    pub fn of(mut values: Vec<f64>) -> Option<Self> {
+    pub fn from_values(mut values: Vec<f64>) -> Option<Self> {
         values.sort_by(f64::total_cmp);
         let last = values.len().checked_sub(1)?;
         // Between two neighbours in proportion.
@@ -239,7 +239,7 @@ struct Timed {
 
 impl Timed {
     fn for_a_unit(self, units: f64) -> Option<Spread> {
-        Spread::of(self.seconds).map(|spread| spread.scaled(1.0 / units))
+        Spread::from_values(self.seconds).map(|spread| spread.scaled(1.0 / units))
     }
 }
 

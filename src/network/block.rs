@@ -421,7 +421,7 @@ impl Layers {
             Self::Twist(all) | Self::TurnedTwist(all) => {
                 let planes = planes.expect("a twist without planes is refused").clone();
                 let turned = matches!(self, Self::TurnedTwist(_));
-                let shears = Arc::new(TwistShears::of(planes, all, function, turned));
+                let shears = Arc::new(TwistShears::with_function(planes, all, function, turned));
                 let prepared = turned.then(|| out.prepare_slow(&shears, start));
                 let end = ranges.last().map_or(start, |last| last.end);
                 out.push(step(Kind::Twist { shears, prepared }, start..end));

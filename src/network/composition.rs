@@ -231,7 +231,7 @@ impl<P: Scalar> Composition<P> {
     ///
     /// In a map with several turns, as [`Composition::followed_by`] makes, only the first counts as its
     /// circles. In nested calls the factors `time` multiply, whereas the last ε replaces the others.
-    pub fn at(&self, epsilon: P, time: P) -> Self
+    pub fn with_epsilon_and_time(&self, epsilon: P, time: P) -> Self
     where
         P: Real,
     {
@@ -246,7 +246,7 @@ impl<P: Scalar> Composition<P> {
         out
     }
 
-    /// The member of its family of maps at this ε and time, as [`Composition::at`], and at these values of its
+    /// The member of its family of maps at this ε and time, as [`Composition::with_epsilon_and_time`], and at these values of its
     /// controls, or at the middle of their ranges when `controls` is empty.
     ///
     /// # Errors
@@ -256,8 +256,8 @@ impl<P: Scalar> Composition<P> {
         P: Real + Over<P>,
     {
         match self.controls.is_none() || controls.is_empty() {
-            true => Ok(self.at(epsilon, time)),
-            false => Ok(self.at_controls(controls)?.at(epsilon, time)),
+            true => Ok(self.with_epsilon_and_time(epsilon, time)),
+            false => Ok(self.at_controls(controls)?.with_epsilon_and_time(epsilon, time)),
         }
     }
 

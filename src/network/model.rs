@@ -80,7 +80,7 @@ impl Model {
     ///
     /// # Errors
     /// Those of [`Model::new`].
-    pub fn at(&self, epsilon: f64, time: f64) -> Result<Self, Error> {
+    pub fn with_epsilon_and_time(&self, epsilon: f64, time: f64) -> Result<Self, Error> {
         if !self.architecture.has_circle() {
             return Ok(self.clone());
         }

@@ -268,7 +268,7 @@ impl AreaDensity {
         let size = values.iter().copied().fold(0.0, max_or_nan);
         for row in 0..rows {
             let offsets: Vec<f64> = (0..count).map(|of| offset(row, of)).collect();
-            let there = out.at(&offsets)?;
+            let there = out.at_offsets(&offsets)?;
             there.check_positive().map_err(|e| e.with_place(format!("density {}", of_row(row))))?;
             let given = &values[row * nodes..(row + 1) * nodes];
             out.error = max_or_nan(out.error, there.largest_difference(x, y, given) / size);
@@ -348,7 +348,7 @@ impl AreaDensity {
     /// # Errors
     /// When there is not one number for each control. That ρ is positive there is checked by [`AreaDensity::check`]
     /// only.
-    pub fn at(&self, offsets: &[f64]) -> Result<Self, Error> {
+    pub fn at_offsets(&self, offsets: &[f64]) -> Result<Self, Error> {
         if self.changes.is_empty() {
             return Ok(self.clone());
         }
@@ -646,12 +646,12 @@ impl Section {
     /// with; the same where they depend on none.
     ///
     /// # Errors
-    /// Those of [`Section::at`].
+    /// Those of [`Section::at_controls`].
     pub fn about(&self, values: &[f64]) -> Result<Self, Error> {
         if !self.depends_on_controls() {
             return Ok(self.clone());
         }
-        let mut out = self.at(values)?;
+        let mut out = self.at_controls(values)?;
         for (plane, own) in out.planes.iter_mut().zip(&self.planes) {
             if let (Some(plane), Some(own)) = (plane, own) {
                 plane.changes.clone_from(&own.changes);
@@ -746,14 +746,14 @@ impl Section {
     ///
     /// # Errors
     /// When there is not one value for each control. Whether the densities are positive there [`Section::check`] says.
-    pub fn at(&self, values: &[f64]) -> Result<Self, Error> {
+    pub fn at_controls(&self, values: &[f64]) -> Result<Self, Error> {
         if !self.depends_on_controls() {
             return Ok(self.clone());
         }
         Error::check_count("controls of a section", self.origin.len(), values.len())?;
         let offsets: Vec<f64> = values.iter().zip(&self.origin).map(|(a, b)| a - b).collect();
         let of = |plane: &Option<AreaDensity>| {
-            plane.as_ref().map(|plane| plane.at(&offsets)).transpose()
+            plane.as_ref().map(|plane| plane.at_offsets(&offsets)).transpose()
         };
         let planes = self.planes.iter().map(of).collect::<Result<_, _>>()?;
         Ok(Self { planes, origin: Vec::new() })

@@ -57,7 +57,10 @@ pub(super) fn values_of(
 }
 
 /// The model at these values, with a note where one is outside of its range.
-pub(super) fn at(stored: &StoredModel, values: &[f64]) -> PyResult<(StoredModel, Option<String>)> {
+pub(super) fn at_controls(
+    stored: &StoredModel,
+    values: &[f64],
+) -> PyResult<(StoredModel, Option<String>)> {
     let at = stored.at_controls(values)?;
     if let Some(section) = &at.section {
         section.check(section.dof())?;
@@ -75,7 +78,7 @@ pub(super) fn checked(
     given: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<Vec<f64>> {
     let values = values_of(stored, given)?;
-    let (_, outside) = at(stored, &values)?;
+    let (_, outside) = at_controls(stored, &values)?;
     outside.map_or(Ok(()), |note| super::trained::warn(py, &note))?;
     Ok(values)
 }

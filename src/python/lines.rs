@@ -328,7 +328,7 @@ impl FieldLines {
         let places = points_of_width("places", &places, 3)?;
         let field = self.section.field();
         let values = by_parts(py, "field", 3, &places.values, |part| {
-            Ok(part.as_chunks().0.iter().flat_map(|place| field.at(*place)).collect())
+            Ok(part.as_chunks().0.iter().flat_map(|place| field.magnetic_field(*place)).collect())
         })?;
         array(py, values, places.shape(&[], &[3]))
     }
@@ -345,7 +345,7 @@ impl FieldLines {
         let gradient = |[x, y, z]: &[f64; 3]| {
             let place: [Dual<f64, 3>; 3] =
                 [Dual::variable(*x, 0), Dual::variable(*y, 1), Dual::variable(*z, 2)];
-            field.at(place).map(|component| component.eps)
+            field.magnetic_field(place).map(|component| component.eps)
         };
         let values = by_parts(py, "field", 3, &places.values, |part| {
             Ok(part.as_chunks().0.iter().flat_map(gradient).flatten().collect())

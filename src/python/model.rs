@@ -47,7 +47,7 @@ impl Model {
         py: Python<'py>,
         language: SourceLanguage,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let code = SourceCode::of(&self.stored, language, "model", None)?;
+        let code = SourceCode::generate(&self.stored, language, "model", None)?;
         let (_, text) = &code.files[0];
         let builtins = py.import("builtins")?;
         let place = format!("<gyroceptron model {}>", self.stored.digest()?);
@@ -263,7 +263,7 @@ impl Model {
                 region.and_then(|region| Some((region.left_by(&states, count, every)?, region)));
             let left =
                 left.map(|(left, region)| left.describe(region, self.stored.section.is_some()));
-            let lost = SectionExit::of(&states, self.dof(), count, every);
+            let lost = SectionExit::in_states(&states, self.dof(), count, every);
             let beyond = self.stored.leaves_polynomials(&states, count, every);
             [
                 left,
@@ -495,7 +495,7 @@ impl Model {
         let values = controls::values_of(&self.stored, controls)?;
         let (mut stored, mut trained) = (self.stored.clone(), self.trained.clone());
         if controls.is_some() {
-            let (at, outside) = controls::at(&stored, &values)?;
+            let (at, outside) = controls::at_controls(&stored, &values)?;
             outside.map_or(Ok(()), |note| warn(py, &note))?;
             (stored, trained) = (at, None);
         }
@@ -641,7 +641,7 @@ impl Model {
             let names = SourceLanguage::ALL.map(SourceLanguage::name);
             Error::invalid("language", language, names.join(", "))
         })?;
-        let code = SourceCode::of(&self.stored, found, name, None)?;
+        let code = SourceCode::generate(&self.stored, found, name, None)?;
         let out = PyDict::new(py);
         for (ending, text) in code.files {
             out.set_item(format!("{name}.{ending}"), text)?;

@@ -403,7 +403,7 @@ impl PyInvariantCircle {
             let expected = "None: the density depends on no controls";
             return Err(Error::invalid("controls", format!("{values:?}"), expected).into());
         }
-        let there = section.at(&controls.unwrap_or_default())?;
+        let there = section.at_controls(&controls.unwrap_or_default())?;
         there.check(1)?;
         let density = there.planes()[0].as_ref();
         Ok(density.map_or(f64::NAN, |density| self.0.flux(density)))

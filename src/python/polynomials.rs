@@ -199,7 +199,7 @@ impl PySymplecticPolynomial {
             let region = self.map.region();
             let left = region.left_by(&states, count, every);
             let has_section = self.map.has_section();
-            let lost = SectionExit::of(&states, self.dof, count, every);
+            let lost = SectionExit::in_states(&states, self.dof, count, every);
             let left = left.map(|left| left.describe(region, has_section));
             [left, lost.map(|lost| lost.describe(has_section))]
         })?;

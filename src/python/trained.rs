@@ -33,7 +33,7 @@ impl Trained {
         let judgement = fitted.judgement()?;
         Ok(Self {
             trust: judgement.trust(),
-            next: next(NextStep::of(fitted, &judgement)),
+            next: next(NextStep::after(fitted, &judgement)),
             history: fitted.outcome().history.iter().map(record).collect(),
             notes,
         })

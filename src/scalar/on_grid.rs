@@ -18,7 +18,7 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 /// use gyroceptron::scalar::IntegerOnGrid;
 ///
 /// let map = HenonLayer::new(1, 2, 1.0, &[0.7, -0.4, 0.1, 0.2, 1.3, -0.9, 0.25]).map();
-/// let start = [5 << 40, -3 << 40].map(|place| IntegerOnGrid::at(place, 44));
+/// let start = [5 << 40, -3 << 40].map(|place| IntegerOnGrid::from_place(place, 44));
 /// let mut z = start;
 /// for _ in 0..1000 {
 ///     map.forward(&mut z);
@@ -43,7 +43,7 @@ pub type FloatOnGrid = OnGrid<f64, Floats<f64>>;
 impl<G: GridPlace<f64>> OnGrid<f64, G> {
     /// The coordinate k·2⁻ᴮ with k = `place` and B = `bits`, at most
     /// [`GridNumbers::most_bits`](super::GridNumbers::most_bits).
-    pub fn at(place: i64, bits: u32) -> Self {
+    pub fn from_place(place: i64, bits: u32) -> Self {
         Self::from_lanes(f64::from_bits(place as u64), bits)
     }
 

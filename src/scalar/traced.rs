@@ -21,14 +21,14 @@ impl Traced {
     }
 
     /// The number that the operation at a place yields.
-    pub fn at(place: usize) -> Self {
+    pub fn from_place(place: usize) -> Self {
         Self(u32::try_from(place).expect("fewer than 2³² operations"))
     }
 
     fn of(operation: Operation) -> Self {
         RECORD.with_borrow_mut(|record| {
             record.operations.push(operation);
-            Self::at(record.operations.len() - 1)
+            Self::from_place(record.operations.len() - 1)
         })
     }
 }
@@ -132,7 +132,7 @@ pub enum TracedKernel {
 impl TracedKernel {
     /// The trace of its operations, with one input and two outputs.
     pub fn trace(self) -> Trace {
-        Trace::of(1, |z| match self {
+        Trace::new(1, |z| match self {
             Self::TanhSech2 => {
                 let ([t], [s]) = tanh::tanh_sech2_in_step([z[0]]);
                 vec![t, s]
@@ -172,7 +172,7 @@ thread_local! {
 impl Trace {
     /// The trace of `function` on `inputs` numbers; `function` returns its results. It must not make
     /// another trace.
-    pub fn of(inputs: usize, function: impl FnOnce(&mut [Traced]) -> Vec<Traced>) -> Self {
+    pub fn new(inputs: usize, function: impl FnOnce(&mut [Traced]) -> Vec<Traced>) -> Self {
         RECORD.with_borrow_mut(|record| {
             record.operations.clear();
             record.arguments.clear();

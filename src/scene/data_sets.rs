@@ -208,7 +208,7 @@ impl DataSets {
         let charted = |pairs: &Pairs| {
             let pairs = pairs.transformed("field lines", |condition, points| {
                 let values = condition.map_or(&[][..], |condition| &condition.controls);
-                lines.chart.at(values)?.to_canonical(points);
+                lines.chart.at_controls(values)?.to_canonical(points);
                 Ok(())
             })?;
             Ok::<_, Error>(pairs.with_conditions(|condition| (target.epsilon(), condition.time)))

@@ -565,7 +565,7 @@ impl TracedLines {
                 let coils: Vec<_> = both.map(coils).collect::<Result<_, _>>()?;
                 let chart = section.chart_by_controls(&points, &coils, &lines.nominal()?)?;
                 for at in &controls.values {
-                    let there = chart.at(at).and_then(|there| there.check(1));
+                    let there = chart.at_controls(at).and_then(|there| there.check(1));
                     there.map_err(|e| e.with_place(format!("controls {at:?}")))?;
                 }
                 chart

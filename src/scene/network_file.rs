@@ -24,7 +24,7 @@ pub(super) fn read_network(
         load_model(path)?
     } else {
         let (data, flow_time) = (Some(file_digest(path)?), Some(time));
-        let provenance = Provenance { data, flow_time, ..Provenance::of("import") };
+        let provenance = Provenance { data, flow_time, ..Provenance::of_scene("import") };
         let (model, units) = match read_architecture(path)? {
             Some(own) => {
                 let mut tensors = read_tensors(path)?;

@@ -56,19 +56,24 @@ pub enum NextStep {
 
 impl NextStep {
     /// What to try after a fit with this judgement.
-    pub fn of(fitted: &Fitted, judgement: &Judgement) -> Self {
+    pub fn after(fitted: &Fitted, judgement: &Judgement) -> Self {
         let problem = &fitted.problem;
         let judge = problem.held_out.as_ref().unwrap_or(&problem.pairs);
         let (action, angles) = fitted.nearest();
         let left = rotation_errors(action, angles, judge);
         let rotation = (left.iter().sum::<f64>() / left.len() as f64).sqrt();
         let share = rotation / root_mean_square(judge.output());
-        Self::after(problem, fitted.outcome(), judgement, share)
+        Self::by_judgement(problem, fitted.outcome(), judgement, share)
     }
 
     /// What to try after a training: `rotation` is the root mean square of what the nearest
     /// rotation leaves over that of the data.
-    fn after(problem: &Problem, outcome: &Outcome, judgement: &Judgement, rotation: f64) -> Self {
+    fn by_judgement(
+        problem: &Problem,
+        outcome: &Outcome,
+        judgement: &Judgement,
+        rotation: f64,
+    ) -> Self {
         let options = &problem.training;
         let marquardt = matches!(options.optimiser, Optimiser::LevenbergMarquardt(_));
         if judgement.is_yes() || judgement.is_limited_by_its_pairs() {
@@ -200,11 +205,11 @@ impl OwnTraining<'_> {
         let coordinates = coordinates_in_words(problem.section.is_some());
         let of = ByComponent::new(found, nearest, judge, units, coordinates);
         let network = name.clone();
-        let judgement = Judgement::of(&training.outcome, pairs, held_out, nearest)?
+        let judgement = Judgement::new(&training.outcome, pairs, held_out, nearest)?
             .with_area_defects(problem.area_defects());
         let mut trust = trust(&judgement);
         let rotation = rotation_error.sqrt() / baseline.size;
-        let next = NextStep::after(&problem, &training.outcome, &judgement, rotation);
+        let next = NextStep::by_judgement(&problem, &training.outcome, &judgement, rotation);
         trust.results.summary.push(Block::Text(format!("**Error**: {}.", of.describe())));
         trust.results.summary.push(Block::Text(format!(
             "**Next**: `{}`: {}.",

@@ -79,7 +79,7 @@ impl Coil {
     }
 
     /// The point x(t) of the coil and dx/dt, in metres.
-    pub fn at(&self, t: f64) -> ([f64; 3], [f64; 3]) {
+    pub fn point_and_tangent(&self, t: f64) -> ([f64; 3], [f64; 3]) {
         let (mut point, mut tangent) = ([0.0; 3], [0.0; 3]);
         for (k, (cosine, sine)) in self.cosines.iter().zip(&self.sines).enumerate() {
             let turns = TAU * k as f64;
@@ -156,7 +156,7 @@ impl<'a> Outline<'a> {
         const SAME: f64 = 1e-5;
         let count = (POINTS * coil.cosines.len()).clamp(FEWEST, MOST);
         let points: Vec<[f64; 3]> =
-            (0..count).map(|k| coil.at(k as f64 / count as f64).0).collect();
+            (0..count).map(|k| coil.point_and_tangent(k as f64 / count as f64).0).collect();
         let spread = |axis: usize| {
             let of = |sign: f64| {
                 let values = points.iter().map(|point| sign * point[axis]);
@@ -177,11 +177,11 @@ impl<'a> Outline<'a> {
         let count = self.points.len();
         let first = (1..count).fold(0, |best, k| if square(k) < square(best) { k } else { best });
         let mut t = first as f64 / count as f64;
-        let (mut place, mut tangent) = self.coil.at(t);
+        let (mut place, mut tangent) = self.coil.point_and_tangent(t);
         for _ in 0..STEPS {
             let speed = product(tangent, tangent);
             t += if speed > 0.0 { product(from(place), tangent) / speed } else { 0.0 };
-            (place, tangent) = self.coil.at(t);
+            (place, tangent) = self.coil.point_and_tangent(t);
         }
         (tangent, libm::sqrt(product(from(place), from(place))))
     }
@@ -191,7 +191,7 @@ impl<'a> Outline<'a> {
         /// Parts of the golden section of a turn, which no mode has for a period.
         const GOLDEN: f64 = 0.618_033_988_749_894_9;
         let tested = (2 * other.cosines.len() + 1).clamp(67, 257);
-        let at = |k: usize| other.at((k as f64 * GOLDEN).fract());
+        let at = |k: usize| other.point_and_tangent((k as f64 * GOLDEN).fract());
         let is_on = |k: usize| self.nearest(at(k).0).1 <= self.near;
         if self.coil.width != other.width || !(0..tested).all(is_on) {
             return None;
@@ -530,7 +530,7 @@ impl CoilField {
                 continue;
             }
             for k in 0..points {
-                let (at, tangent) = coil.at(k as f64 / points as f64);
+                let (at, tangent) = coil.point_and_tangent(k as f64 / points as f64);
                 let share = Self::MU_0_OVER_4_PI * coil.current / points as f64;
                 let length = libm::sqrt(tangent.iter().map(|v| v * v).sum());
                 spacing = max_or_nan(spacing, length / points as f64);
@@ -562,7 +562,7 @@ impl CoilField {
 
     /// B at (x, y, z), Cartesian.
     #[inline(always)]
-    pub fn at<S: Elementary>(&self, place: [S; 3]) -> [S; 3] {
+    pub fn magnetic_field<S: Elementary>(&self, place: [S; 3]) -> [S; 3] {
         let mut field = [S::zero(); 3];
         for Element { at, current, width } in &self.elements {
             let x = place[0] - S::from_f64(at[0]);
@@ -585,7 +585,7 @@ impl CoilField {
     pub fn cylindrical<S: Elementary>(&self, radius: S, phi: f64, height: S) -> [S; 3] {
         let (sin, cos) = Elementary::sin_cos(phi);
         let (s, c) = (S::from_f64(sin), S::from_f64(cos));
-        let [x, y, z] = self.at([radius * c, radius * s, height]);
+        let [x, y, z] = self.magnetic_field([radius * c, radius * s, height]);
         [x * c + y * s, y * c - x * s, z]
     }
 

@@ -142,7 +142,7 @@ fn form_defect_of_ends(pairs: &Pairs, known: f64) -> Option<FormDefect> {
     ends.into_iter().find_map(|(condition, input, output)| {
         condition.filter(|condition| !condition.controls.is_empty())?;
         let alone = Pairs::new("pairs", pairs.dof(), input.to_vec(), output.to_vec()).ok()?;
-        FormDefect::of(&alone).filter(|defect| defect.is_seen(known))
+        FormDefect::measure(&alone).filter(|defect| defect.is_seen(known))
     })
 }
 
@@ -449,7 +449,7 @@ impl Fit {
     ) -> Result<(TorusAction, Option<TwoFits>), Error> {
         data.pairs.check_squares(&self.place)?;
         let known = self.section.as_ref().map_or(0.0, Section::error);
-        let fits = TwoFits::of(&data.pairs);
+        let fits = TwoFits::fit(&data.pairs);
         let defect = match &fits {
             Some(fits) => {
                 Some(fits.form_defect(&data.pairs)).filter(|defect| defect.is_seen(known))
@@ -627,7 +627,7 @@ impl Fit {
                 return Ok(());
             }
             let values = condition.map_or(&[][..], |condition| &condition.controls);
-            let there = section.at(values).and_then(|there| {
+            let there = section.at_controls(values).and_then(|there| {
                 there.check(pairs.dof())?;
                 Ok(there)
             });

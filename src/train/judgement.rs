@@ -300,7 +300,7 @@ impl Judgement {
     ///
     /// # Errors
     /// Those of [`Model::rollout`](crate::network::Model::rollout) along these orbits.
-    pub fn of(
+    pub fn new(
         outcome: &Outcome,
         pairs: &Pairs,
         held_out: Option<&Pairs>,

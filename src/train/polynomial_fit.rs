@@ -240,7 +240,7 @@ impl PolynomialFit {
                 Ok(())
             })?,
         };
-        let Some(fits) = TwoFits::of(&canonical) else { return Ok(notes) };
+        let Some(fits) = TwoFits::fit(&canonical) else { return Ok(notes) };
         let defect = fits.form_defect(&canonical);
         if defect.is_seen(self.section.as_ref().map_or(0.0, Section::error)) {
             notes.push(FitNote::Form(defect, self.section.is_some()));

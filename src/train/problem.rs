@@ -235,10 +235,10 @@ impl Fitted {
     /// Whether to trust the network, why not, and what limits it: judged by the held-out pairs.
     ///
     /// # Errors
-    /// Those of [`Judgement::of`].
+    /// Those of [`Judgement::new`].
     pub fn judgement(&self) -> Result<Judgement, Error> {
         let (pairs, held_out) = (&self.problem.pairs, self.problem.held_out.as_ref());
-        let judgement = Judgement::of(self.outcome(), pairs, held_out, self.nearest())?;
+        let judgement = Judgement::new(self.outcome(), pairs, held_out, self.nearest())?;
         Ok(judgement.with_area_defects(self.problem.area_defects()))
     }
 }

@@ -33,7 +33,7 @@ pub struct ReversalDefect {
 impl ReversalDefect {
     /// The defect of pairs of one map, by fits to them. None where too few mirrored points are in
     /// their box.
-    pub fn of(pairs: &Pairs, fits: &TwoFits, reversor: Reversor) -> Option<Self> {
+    pub fn measure(pairs: &Pairs, fits: &TwoFits, reversor: Reversor) -> Option<Self> {
         let backwards = |z: &[f64], w: &[f64]| {
             let [mut start, mut end] = [w, z].map(<[f64]>::to_vec);
             reversor.apply(&mut start);
@@ -69,13 +69,13 @@ impl ReversalDefect {
         could_have: bool,
     ) -> Option<Self> {
         if let Some(reversor) = reversor {
-            return Self::of(pairs, fits, reversor).filter(Self::is_seen);
+            return Self::measure(pairs, fits, reversor).filter(Self::is_seen);
         }
         if !could_have {
             return None;
         }
         let is_theirs = |of: &Self| !of.is_seen() && of.resolution <= KNOWN;
-        Reversor::ALL.into_iter().filter_map(|s| Self::of(pairs, fits, s)).find(is_theirs)
+        Reversor::ALL.into_iter().filter_map(|s| Self::measure(pairs, fits, s)).find(is_theirs)
     }
 }
 
@@ -119,7 +119,7 @@ pub struct MirrorDefect {
 impl MirrorDefect {
     /// The defect of pairs of one map, by fits to them; planes are from 1 to n. None where too few mirrored points are
     /// in their box.
-    pub(super) fn of(pairs: &Pairs, fits: &TwoFits, planes: &[usize]) -> Option<Self> {
+    pub(super) fn measure(pairs: &Pairs, fits: &TwoFits, planes: &[usize]) -> Option<Self> {
         let dof = pairs.dof();
         let mirrored = |z: &[f64]| {
             let mut out = z.to_vec();
@@ -142,11 +142,11 @@ impl MirrorDefect {
     /// A defect worth reporting: of the planes that are claimed, or, where none is, a plane of several that could be.
     pub(super) fn worth_saying(pairs: &Pairs, fits: &TwoFits, claimed: &[usize]) -> Option<Self> {
         if !claimed.is_empty() {
-            return Self::of(pairs, fits, claimed).filter(Self::is_seen);
+            return Self::measure(pairs, fits, claimed).filter(Self::is_seen);
         }
         let is_theirs = |of: &Self| !of.is_seen() && of.resolution <= KNOWN;
         let planes = (1..=pairs.dof()).filter(|_| pairs.dof() > 1);
-        planes.filter_map(|plane| Self::of(pairs, fits, &[plane])).find(is_theirs)
+        planes.filter_map(|plane| Self::measure(pairs, fits, &[plane])).find(is_theirs)
     }
 }
 

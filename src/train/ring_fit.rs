@@ -40,7 +40,7 @@ const ITERATIONS: u64 = 100;
 impl Rings {
     /// The rings of pairs of one map. None where a circle turns several planes, a plane does not
     /// turn, or the pairs of a ring do not turn together in half of the rings or more.
-    pub fn of(pairs: &Pairs, action: &TorusAction) -> Option<Self> {
+    pub fn fit(pairs: &Pairs, action: &TorusAction) -> Option<Self> {
         let (dof, circles) = (pairs.dof(), action.circles());
         if !pairs.conditions().is_empty() || action.dof() != dof || circles.len() != dof {
             return None;
@@ -71,7 +71,7 @@ impl Rings {
         let turns = architecture.is_of_order_one() && architecture.twist_shears() > 0;
         let leads_up = options.ramp.iter().any(|stage| stage.flow_time.is_some());
         let action = architecture.action().filter(|_| turns && !leads_up)?;
-        Self::of(&pairs.at_middle_of_controls(), &action)
+        Self::fit(&pairs.at_middle_of_controls(), &action)
     }
 
     /// The actions and the angles of all circles, ring by ring.
@@ -93,7 +93,7 @@ impl Rings {
         let largest = largest.map(|angle| angle.abs()).fold(0.0, max_or_nan);
         let share = if largest > SMALL { SMALL / largest } else { 1.0 };
         let alone = model.slow_map_alone()?;
-        let short = alone.at(alone.epsilon(), share)?;
+        let short = alone.with_epsilon_and_time(alone.epsilon(), share)?;
         let pairs = self.pairs(share)?;
         let options = TrainingOptions {
             theta_fixed,
@@ -102,7 +102,7 @@ impl Rings {
             ..TrainingOptions::default()
         };
         let fitted = train(&short, &pairs, None, &options, None, &mut |_| Ok(Control::Continue))?;
-        model.with_slow_map_of(&fitted.model.at(alone.epsilon(), 1.0 / share)?)
+        model.with_slow_map_of(&fitted.model.with_epsilon_and_time(alone.epsilon(), 1.0 / share)?)
     }
 
     /// Points of each ring, turned by a share of its angles.

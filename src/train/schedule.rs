@@ -174,7 +174,7 @@ pub fn train_schedule(
     let begin = |model: &Model, place: usize| -> Result<Model, Error> {
         let at = &places[place];
         let parts = model.with_part_of_twists(repeats(place))?.of_degree(degree(place))?;
-        parts.at(at.epsilon, at.time)
+        parts.with_epsilon_and_time(at.epsilon, at.time)
     };
     let mut trial: Option<Checkpoint> = None;
     if let Some(starts) = options.several_starts() {

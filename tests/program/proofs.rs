@@ -23,7 +23,7 @@ pub fn with_maps() -> tempfile::TempDir {
         };
         let weights = InitialWeights::Normal { scale: 0.6 };
         let model = shape.architecture(0.01).initialise(weights, 2.3, seed).expect("a network");
-        let provenance = Provenance::of("test");
+        let provenance = Provenance::of_scene("test");
         let stored = StoredModel { model, units: None, section: None, provenance };
         save_model(&folder.path().join(name), &stored).expect("written");
     }
@@ -122,7 +122,7 @@ fn a_circle_outside_the_box_of_polynomials_is_not_proved() {
     let architecture = spec.architecture(&action, 0.001, 1.0).expect("a network");
     let weights = InitialWeights::Normal { scale: 0.1 };
     let model = architecture.initialise(weights, 2.3, 3).expect("weights");
-    let provenance = Provenance::of("test");
+    let provenance = Provenance::of_scene("test");
     let stored = StoredModel { model, units: None, section: None, provenance };
     save_model(&path.join("m.json"), &stored).expect("written");
     let arguments = ["prove", "--model", "m.json", "--json", "--circles", "6", "--to", "2.4,0"];

@@ -353,7 +353,7 @@ fn a_density_may_depend_on_controls() {
     write("one.npz", &grid(0.0), &[]);
     let read = read_section(&folder.join("section.npz")).expect("read");
     assert!(read.error() < 1e-13, "{}", read.error());
-    let there = read.at(&[-0.7]).expect("one control");
+    let there = read.at_controls(&[-0.7]).expect("one control");
     let there = there.planes()[0].as_ref().expect("a chart");
     assert!((there.density(0.3, 0.8) - density_at(-0.7, 0.3, 0.8)).abs() < 1e-13);
 
@@ -396,7 +396,8 @@ fn a_density_may_depend_on_controls() {
     };
     write("waves.npz", &[waves(-1.0), waves(1.0)].concat(), &[&[-1.0], &[1.0]]);
     let read = read_section(&folder.join("waves.npz")).expect("read");
-    let there = read.at(&[0.5]).expect("one control").planes()[0].clone().expect("a chart");
+    let there =
+        read.at_controls(&[0.5]).expect("one control").planes()[0].clone().expect("a chart");
     let expected = 1.0 + 0.05 * 1.2_f64.cos();
     assert!(read.error() < 1e-3, "{}", read.error());
     assert!((there.density(0.3, 0.8) - expected).abs() < 2.0 * read.error(), "{}", read.error());

@@ -288,12 +288,12 @@ fn gyroceptron_at(action: &[i32], epsilon: f64, theta: f64, seed: u64) -> Model 
 
 /// The largest changes of μ₀ and μ₀ + εμ₁ along an orbit of `model`, by the series of `of`.
 fn changes(model: &Model, of: &Model, start: &[f64]) -> [f64; 2] {
-    let series = SeriesInvariant::of(of, 64).expect("adiabatic");
+    let series = SeriesInvariant::new(of, 64).expect("adiabatic");
     let mut z = start.to_vec();
     let (mut first, mut largest) = (None, [0.0; 2]);
     for step in 0..=4000 {
         if step % 40 == 0 {
-            let (leading, next) = series.at(&z).expect("a point");
+            let (leading, next) = series.evaluate(&z).expect("a point");
             let now = [leading, leading + model.epsilon() * next];
             let first = first.get_or_insert(now);
             for k in 0..2 {
@@ -339,7 +339,7 @@ fn mild_gyroceptron_at(action: &[i32], epsilon: f64, theta: f64) -> Model {
 
 /// The largest change of μ₀ + εμ₁ + ε²μ₂ along an orbit of `model`, by the series of `of`.
 fn change_at_second_order(model: &Model, of: &Model, start: &[f64]) -> f64 {
-    let (series, epsilon) = (SeriesInvariant::of(of, 24).expect("adiabatic"), model.epsilon());
+    let (series, epsilon) = (SeriesInvariant::new(of, 24).expect("adiabatic"), model.epsilon());
     let (mut z, mut first, mut largest) = (start.to_vec(), None, 0.0);
     for step in 0..=1500 {
         if step % 250 == 0 {
@@ -354,7 +354,7 @@ fn change_at_second_order(model: &Model, of: &Model, start: &[f64]) -> f64 {
 
 /// The largest component of DP·R − R∘P at a point, R the roto-rate to an order.
 fn roto_rate_defect(model: &Model, order: usize, z: &[f64]) -> f64 {
-    let series = SeriesInvariant::of(model, 24).expect("adiabatic");
+    let series = SeriesInvariant::new(model, 24).expect("adiabatic");
     let roto_rate = |z: &[f64]| series.roto_rate(z, model.epsilon(), order).expect("a point");
     let mut image = z.to_vec();
     model.forward(&mut image);
@@ -389,7 +389,7 @@ fn the_second_order_of_an_invariant_and_of_the_roto_rate_gain_orders() {
         }
     }
     let series =
-        SeriesInvariant::of(&mild_gyroceptron_at(&[1], 0.01, GOLDEN), 24).expect("adiabatic");
+        SeriesInvariant::new(&mild_gyroceptron_at(&[1], 0.01, GOLDEN), 24).expect("adiabatic");
     assert!(series.roto_rate(&[0.6, 0.2], 0.01, 3).is_err());
     assert!(series.terms(&[0.6, 0.2, 0.1]).is_err());
 }
@@ -401,7 +401,7 @@ fn the_flow_of_the_roto_rate_has_period_two_pi() {
     let (epsilons, start, steps) = ([0.256, 0.128, 0.064], [0.2, 0.3, 0.1, -0.4], 40);
     let gap = |epsilon: f64, longer: f64| {
         let model = mild_gyroceptron_at(&[1, 0], epsilon, GOLDEN);
-        let series = SeriesInvariant::of(&model, 24).expect("adiabatic");
+        let series = SeriesInvariant::new(&model, 24).expect("adiabatic");
         let rate = |z: &[f64]| series.roto_rate(z, epsilon, 1).expect("a point");
         let (mut z, h) = (start.to_vec(), longer * std::f64::consts::TAU / f64::from(steps));
         for _ in 0..steps {
@@ -429,7 +429,7 @@ fn the_flow_of_the_roto_rate_has_period_two_pi() {
 #[test]
 fn the_next_order_solves_its_equation() {
     let model = gyroceptron_at(&[1, -2], 0.01, GOLDEN, 7);
-    let series = SeriesInvariant::of(&model, 96).expect("adiabatic");
+    let series = SeriesInvariant::new(&model, 96).expect("adiabatic");
     let action = &model.architecture().circles[0];
     let unperturbed = model.with_epsilon(0.0);
     let psi = model.psi();
@@ -437,7 +437,7 @@ fn the_next_order_solves_its_equation() {
         let mut turned = z;
         unperturbed.forward(&mut turned);
         let (before, after) =
-            (series.at(&z).expect("a point").1, series.at(&turned).expect("a point").1);
+            (series.evaluate(&z).expect("a point").1, series.evaluate(&turned).expect("a point").1);
         let leading = |epsilon: f64| {
             let mut moved = turned;
             model.with_epsilon(epsilon).near_identity().forward(&mut moved);
@@ -459,10 +459,10 @@ fn the_next_order_solves_its_equation() {
         perturbation: None,
     };
     let model = normal_form.architecture(0.01).initialise(InitialWeights::Glorot, 1.0, 1);
-    assert!(SeriesInvariant::of(&model.expect("sound"), 64).is_none());
+    assert!(SeriesInvariant::new(&model.expect("sound"), 64).is_none());
     let henon = HenonShape { dof: 1, widths: vec![4] }.architecture(1.0);
     let henon = henon.initialise(InitialWeights::Glorot, 0.0, 1).expect("sound");
-    assert!(SeriesInvariant::of(&henon, 64).is_none());
+    assert!(SeriesInvariant::new(&henon, 64).is_none());
 }
 
 const OWN: &str = r#"

@@ -161,7 +161,7 @@ weights = { kind = "normal", scale = 0.15 }
     let shape = HenonShape::uniform(3, 1, 2);
     let weights = vec![0.1; shape.parameter_count()];
     let wide = Model::new(shape.architecture(1.0), weights).expect("a network");
-    let provenance = Provenance::of("by hand");
+    let provenance = Provenance::of_scene("by hand");
     save_model(&path, &StoredModel { model: wide, units: None, section: None, provenance })
         .expect("written");
     with("normal.json", "ours.json", &["a model of 2 degrees of freedom", "3"]);

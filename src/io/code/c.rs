@@ -141,7 +141,7 @@ fn body(function: &Function, inputs: &[String], kernels: &mut Kernels) -> Body {
             }
             Operation::WithSignOf(x, sign) => format!("copysign({}, {})", of(x), of(sign)),
             Operation::NegatedWhere(x, sign) => format!("negated_where({}, {})", of(x), of(sign)),
-            Operation::Other(_) => unreachable!("`Function::of` refuses it"),
+            Operation::Other(_) => unreachable!("`Function::from_trace` refuses it"),
         };
         let _ = writeln!(out.text, "    const double t{at} = {value};");
         out.names.push(format!("t{at}"));
@@ -155,7 +155,7 @@ fn kernel(kernel: TracedKernel, part: Option<usize>) -> String {
     if let Some(part) = part {
         trace.outputs = vec![trace.outputs[part]];
     }
-    let function = Function::of(String::new(), &trace, None).expect("operations of C");
+    let function = Function::from_trace(String::new(), &trace, None).expect("operations of C");
     let body = body(&function, &["x".to_owned()], &mut Kernels::new());
     let (name, text) = (kernel_name(kernel, part), &body.text);
     match function.outputs[..] {

@@ -68,7 +68,7 @@ impl SourceCode {
     ///
     /// # Errors
     /// [`Error::Invalid`] of a name that is no identifier, or of a model that depends on controls.
-    pub fn of(
+    pub fn generate(
         stored: &StoredModel,
         language: SourceLanguage,
         name: &str,
@@ -80,7 +80,7 @@ impl SourceCode {
             let expected = "a model at values of its controls";
             return Err(Error::invalid("controls", names.join(", "), expected));
         }
-        let program = program::Program::of(&stored.model)?;
+        let program = program::Program::from_model(&stored.model)?;
         let about = About::of(stored, name, member)?;
         let files = match language {
             SourceLanguage::C => vec![

@@ -65,7 +65,7 @@ pub(super) struct Program {
 }
 
 impl Program {
-    pub fn of(model: &Model) -> Result<Self, Error> {
+    pub fn from_model(model: &Model) -> Result<Self, Error> {
         let none = Vec::new;
         let mut out = Self {
             dim: 2 * model.composition().dof(),
@@ -92,8 +92,9 @@ impl Program {
         out.tangent = out.calls_of(map, Direction::Forward, Record { tangent: true })?;
         if model.invariant().is_some() {
             let calls = out.calls_of(&chart, Direction::Inverse, step)?;
-            let trace = Trace::of(out.dim, |z| vec![sum_of_actions(model, z)]);
-            out.invariant = Some((calls, Function::of("actions".to_owned(), &trace, None)?));
+            let trace = Trace::new(out.dim, |z| vec![sum_of_actions(model, z)]);
+            out.invariant =
+                Some((calls, Function::from_trace("actions".to_owned(), &trace, None)?));
         }
         Ok(out)
     }
@@ -132,7 +133,7 @@ impl Program {
                 continue;
             }
             let mut numbers = Vec::new();
-            let made = Function::of(String::new(), &trace, Some(&mut numbers))?;
+            let made = Function::from_trace(String::new(), &trace, Some(&mut numbers))?;
             let same = |known: &Function| {
                 known.lines == made.lines
                     && known.outputs == made.outputs
@@ -186,7 +187,7 @@ fn name_of(kind: &Kind) -> &'static str {
 impl Function {
     /// The operations of a trace that its results need. Parameters go to `numbers`, where there is such a table, and so
     /// do constants but for those that any network has.
-    pub fn of(
+    pub fn from_trace(
         name: String,
         trace: &Trace,
         mut numbers: Option<&mut Vec<f64>>,
@@ -217,7 +218,7 @@ impl Function {
                 numbers.push(value);
                 operation = Operation::Constant(0.0);
             }
-            let result = Traced::at(lines.len());
+            let result = Traced::from_place(lines.len());
             places[place] = Some(result);
             lines.push(Line { result, operation, number });
         }
@@ -242,11 +243,11 @@ impl<'a> Visitor<'a, f64> for Record {
         let dim = 2 * shear.dof();
         let scratch = || vec![Traced::zero(); dim + dim * dim];
         match self.tangent {
-            false => Trace::of(dim, |z| {
+            false => Trace::new(dim, |z| {
                 shear.apply(z, &mut scratch());
                 z.to_vec()
             }),
-            true => Trace::of(2 * dim, |both| {
+            true => Trace::new(2 * dim, |both| {
                 let (z, direction) = both.split_at_mut(dim);
                 shear.jvp(z, direction, &mut scratch());
                 both.to_vec()

@@ -84,7 +84,7 @@ impl Taylor {
     }
 
     /// The polynomial at a point of the disc, rounded.
-    pub fn at(&self, s: Complex) -> Complex {
+    pub fn evaluate(&self, s: Complex) -> Complex {
         let start = Complex::ZERO;
         self.c.iter().rev().fold(start, |sum, c| sum.times(s).plus(*c))
     }

@@ -158,7 +158,7 @@ struct Checkpoint {
 impl AdiabaticHorizonOptions {
     /// At ε and for one of the weights.
     fn network(&self, context: &Context<'_>, run: &Run) -> Result<Model, Error> {
-        self.network.at(run.epsilon, context.scene.seed.wrapping_add(run.number))
+        self.network.draw(run.epsilon, context.scene.seed.wrapping_add(run.number))
     }
 
     /// All orbits before their first step, or where the run that is gone on with left
@@ -176,7 +176,7 @@ impl AdiabaticHorizonOptions {
         let mut out = Vec::new();
         for epsilon in self.epsilons.iter().copied().chain([0.0]) {
             for number in 0..self.seeds {
-                let network = self.network.at(epsilon, seed.wrapping_add(number))?;
+                let network = self.network.draw(epsilon, seed.wrapping_add(number))?;
                 let long = self
                     .long
                     .as_ref()
@@ -251,7 +251,7 @@ impl Found<'_> {
     /// The spread over all weights of D(N), the largest |μ − μ(0)| of the first N iterations.
     fn drift(&self, epsilon: f64, number: u64) -> Option<Spread> {
         let of = |run: &Run| run.orbit.drifts().iter().find(|(n, _)| *n == number).map(|(_, d)| *d);
-        Spread::of(self.runs_at(epsilon).filter_map(of).collect())
+        Spread::from_values(self.runs_at(epsilon).filter_map(of).collect())
     }
 
     /// The powers of ten up to the iterations of all orbits.

@@ -56,7 +56,7 @@ impl Study for AdiabaticProfilesOptions {
         let request = Rollout { steps: self.iterations, every: 1 };
         let mut each = Vec::new();
         for &epsilon in &self.epsilons {
-            let network = self.network.at(epsilon, seed)?;
+            let network = self.network.draw(epsilon, seed)?;
             let name = format!("μ at ε = {epsilon:e}");
             let states = context
                 .stage(&name, |_| rollout(network.composition(), &self.network.initial, request))?;

@@ -108,7 +108,7 @@ fn errors(part: &Part<'_>, network: &str) -> Vec<f64> {
 fn over_seeds(part: &Part<'_>, network: &str) -> (String, f64) {
     let errors = errors(part, network);
     let worst = errors.last().copied().unwrap_or(f64::NAN);
-    let Some(Spread { median, .. }) = Spread::of(errors.clone()) else {
+    let Some(Spread { median, .. }) = Spread::from_values(errors.clone()) else {
         return ("not run".into(), worst);
     };
     match errors.len() {
@@ -247,7 +247,7 @@ impl<'a> OnSlowManifold<'a> {
     }
 
     fn median(&self, network: &str, key: &str) -> f64 {
-        Spread::of(self.shares(network, key)).map_or(f64::NAN, |spread| spread.median)
+        Spread::from_values(self.shares(network, key)).map_or(f64::NAN, |spread| spread.median)
     }
 
     /// `7.5 % in the median of 5 sets of initial weights, 11 % at worst`.
@@ -399,7 +399,7 @@ impl Row {
         let by_error = |of: &str, other: &str| ranked(&errors(part, of), &errors(part, other));
         let rollouts = names.map(|name| rollouts_of_seeds(part, name));
         let words = rollouts.each_ref().map(|all| {
-            let median = Spread::of(all.clone()).map_or(f64::NAN, |spread| spread.median);
+            let median = Spread::from_values(all.clone()).map_or(f64::NAN, |spread| spread.median);
             format!(
                 "{median:.2} ({:.2} … {:.2})",
                 -largest(all.iter().map(|v| -v)),

@@ -65,7 +65,7 @@ impl Study for ConfinementOptions {
             (vec![Block::Text(INTRODUCTION.into())], Vec::new(), Vec::new());
         for trained in models.iter() {
             let name = &trained.spec.name;
-            let provenance = Provenance::of("confinement");
+            let provenance = Provenance::of_scene("confinement");
             let model = trained.model().clone();
             let stored = StoredModel { model, units: None, section: None, provenance };
             let request =

@@ -150,7 +150,7 @@ impl Study for ControlsOptions {
                 model: trained.model().clone(),
                 units: data.units.clone(),
                 section: Some(lines.chart.clone()),
-                provenance: Provenance::of(context.scene.name),
+                provenance: Provenance::of_scene(context.scene.name),
             };
             let name = trained.spec.name.clone();
             let one = context.stage(&format!("controls of {name}"), |_| {
@@ -172,7 +172,7 @@ impl Study for ControlsOptions {
                 let family = PolynomialFamily::fit(&lines.training, degree, of)?;
                 let mut judged = Vec::new();
                 for truth in &truths {
-                    let map = SectionMap::Polynomial(family.at(&truth.values)?);
+                    let map = SectionMap::Polynomial(family.at_controls(&truth.values)?);
                     judged.push(truth.judge(&map, winding)?);
                 }
                 Ok::<_, Error>(Rival {

@@ -241,7 +241,7 @@ impl FamilyOptions {
             // A network that leaves the finite numbers there has no error.
             let at = |seed: &Rc<Trained>| match seed.lost {
                 Some(_) => None,
-                None => seed.model().at(epsilon, flow_time / own_time).ok(),
+                None => seed.model().with_epsilon_and_time(epsilon, flow_time / own_time).ok(),
             };
             let found =
                 of.seeds.iter().map(|seed| at(seed).map(|model| judged(&model)).transpose());
@@ -312,7 +312,7 @@ fn change(along: &Trajectories, quantity: impl Fn(&[f64]) -> f64) -> f64 {
 }
 
 fn learnt_change(model: &Model, epsilon: f64, along: &Trajectories) -> Option<f64> {
-    let model = model.at(epsilon, 1.0).ok()?;
+    let model = model.with_epsilon_and_time(epsilon, 1.0).ok()?;
     finite(change(along, model.invariant()?))
 }
 

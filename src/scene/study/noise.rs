@@ -199,7 +199,7 @@ impl Study for NoiseOptions {
                     let changes = drifts(&states, own);
                     changes.iter().map(|d| d.largest / d.initial.abs()).fold(0.0, max_or_nan)
                 });
-                let judgement = Judgement::of(
+                let judgement = Judgement::new(
                     &trained.outcome,
                     &data.training,
                     data.held_out.as_ref(),

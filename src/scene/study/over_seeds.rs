@@ -28,7 +28,7 @@ impl MedianAndWorst {
         let mut ranked: Vec<f64> = numbers.into_iter().map(or_lost).collect();
         ranked.sort_by(f64::total_cmp);
         let worst = ranked.last().copied().and_then(finite);
-        Self { median: Spread::of(ranked).and_then(|spread| finite(spread.median)), worst }
+        Self { median: Spread::from_values(ranked).and_then(|spread| finite(spread.median)), worst }
     }
 }
 

@@ -117,7 +117,7 @@ struct Found {
 impl OwnInvariantOptions {
     /// None of networks that own no adiabatic invariant.
     fn of(&self, name: &str, model: &Model) -> Result<Option<Found>, Error> {
-        if SeriesInvariant::of(model, ANGLES).is_none() {
+        if SeriesInvariant::new(model, ANGLES).is_none() {
             return Ok(None);
         }
         let own = model.epsilon();
@@ -156,7 +156,7 @@ impl OwnInvariantOptions {
         let request = Rollout { steps: self.steps, every: self.every };
         let states = model.rollout(&self.initial.concat(), request)?;
         let states = Trajectories::new(states, dim, count)?;
-        let Some(series) = SeriesInvariant::of(model, ANGLES) else { return Ok([f64::NAN; 3]) };
+        let Some(series) = SeriesInvariant::new(model, ANGLES) else { return Ok([f64::NAN; 3]) };
         let mut largest = [0.0; 3];
         for m in 0..count {
             let mut at_start = Vec::new();
@@ -164,7 +164,7 @@ impl OwnInvariantOptions {
                 let mut sums = if number % SPARSE == 0 {
                     series.terms(z)?.to_vec()
                 } else {
-                    let (leading, next) = series.at(z)?;
+                    let (leading, next) = series.evaluate(z)?;
                     vec![leading, next]
                 };
                 let mut power = 1.0;

@@ -313,7 +313,7 @@ impl Study for PoincareOptions {
                 model: trained.model().clone(),
                 units: data.units.clone(),
                 section: Some(lines.chart.clone()),
-                provenance: Provenance::of(context.scene.name),
+                provenance: Provenance::of_scene(context.scene.name),
             })),
         };
         let mut maps: Vec<NamedMap<'_>> = models.iter().map(stored).collect();

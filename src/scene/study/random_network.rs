@@ -42,7 +42,7 @@ impl RandomNetwork {
     }
 
     /// With the weights of this seed.
-    pub(super) fn at(&self, epsilon: f64, seed: u64) -> Result<Model, Error> {
+    pub(super) fn draw(&self, epsilon: f64, seed: u64) -> Result<Model, Error> {
         self.architecture(epsilon).initialise(self.weights, self.theta, seed)
     }
 

@@ -231,7 +231,7 @@ fn words_beside_reference(found: &[BesideReference]) -> String {
         let of: Vec<&BesideReference> = found.iter().filter(|of| of.network == network).collect();
         let spread = |values: Vec<f64>| {
             let worst = values.iter().copied().fold(0.0, max_or_nan);
-            let median = Spread::of(values).map_or(f64::NAN, |spread| spread.median);
+            let median = Spread::from_values(values).map_or(f64::NAN, |spread| spread.median);
             format!(
                 "{} (median), {} (worst)",
                 Format::Percent.number(median),

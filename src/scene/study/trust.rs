@@ -28,7 +28,7 @@ impl Study for TrustStudy {
             let name = &trained.spec.name;
             let held_out = data.held_out.as_ref();
             let judgement = context.stage(&format!("orbits of {name}"), |_| {
-                Judgement::of(&trained.outcome, &data.training, held_out, (action, angles))
+                Judgement::new(&trained.outcome, &data.training, held_out, (action, angles))
             })?;
             let keeps_areas = trained.model().architecture().is_symplectic();
             let defects = data.area_defects.iter().copied().filter(|_| keeps_areas);

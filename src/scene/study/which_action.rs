@@ -323,7 +323,7 @@ impl Results<'_> {
         let median = |action: usize| {
             let errors: Option<Vec<f64>> =
                 self.tries.iter().map(|one| one.errors[action]).collect();
-            Spread::of(errors?)
+            Spread::from_values(errors?)
         };
         let least = median(self.right).map(|spread| spread.median);
         for (number, action) in self.options.actions.iter().enumerate() {
