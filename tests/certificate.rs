@@ -94,7 +94,7 @@ fn networks_that_hardly_respond_hold_too() {
 }
 
 /// Kicks that hardly depend on where they are taken have a first order in ε, and
-/// a third that cannot be told from rounding: nothing is claimed of that.
+/// a third that cannot be distinguished from rounding: nothing is claimed of that.
 #[test]
 fn an_order_that_hides_under_rounding_is_not_said_to_hold() {
     let model = gyroceptron(&[1, 0], InitialWeights::Normal { scale: 1e-5 }, 2);
@@ -300,7 +300,7 @@ fn slow_count() -> usize {
 }
 
 #[test]
-fn a_measurement_ends_where_it_is_told_so_and_others_go_on() {
+fn a_stopped_measurement_ends_and_others_go_on() {
     assert_eq!(unless_stopped(|| true, slow_count), Some(100));
     let counted = unless_stopped(
         || false,

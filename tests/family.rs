@@ -178,7 +178,7 @@ fn gradient_and_curvature_of_a_family_are_those_of_differences() {
     }
 }
 
-/// A HénonNet has no ε and no flow time to be told.
+/// A HénonNet has no ε and no flow time to be given.
 #[test]
 fn a_map_without_circles_is_of_no_family() {
     let shape = HenonShape { dof: 2, widths: vec![3, 2] };
@@ -281,7 +281,7 @@ fn a_normal_form_learns_a_family() {
     }
 }
 
-/// Whole periods of a circle are told from shorter times: of weight 2, a period is π.
+/// Whole periods of a circle are found from shorter times: of weight 2, a period is π.
 #[test]
 fn the_frequency_of_a_family_is_found() {
     for (weight, frequency) in [(1, 0.9), (2, 0.4), (2, 1.9), (-3, 0.7)] {

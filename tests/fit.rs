@@ -298,7 +298,7 @@ fn what_cannot_be_is_refused() {
     let mut loss = Fit { action, ..fit() };
     loss.training.loss = Loss::ByPlane { weights: Some(vec![1.0, -1.0]) };
     refuses(loss, "loss weight");
-    // An action of other planes, whether the network is recommended or told.
+    // An action of other planes, whether the network is recommended or given.
     let three = || Some(TorusAction::from(CircleAction::new([1, 0, 0])));
     for network in [None, Some(small())] {
         let error = Fit { network, action: three(), ..fit() }.run(pairs(40, 0.9, 1));

@@ -167,7 +167,7 @@ fn turned_kicks(kicks: usize) -> Composition<f64> {
 #[test]
 fn mixed_generators_are_out_of_reach_of_henon_layers_and_not_of_turned_kicks() {
     println!("error over motion at ε = {FURTHER:?}");
-    let told = |name: &str, map: &Composition<f64>| {
+    let said = |name: &str, map: &Composition<f64>| {
         let shares = shares(&Mixed, map);
         let (fitted, below) = (order(&shares, 0..4), order(&shares, 7..10));
         let parameters = map.parameters().len();
@@ -177,13 +177,13 @@ fn mixed_generators_are_out_of_reach_of_henon_layers_and_not_of_turned_kicks() {
     };
     for layers in [4, 8] {
         let map = fitted(&Mixed, &henon_layers(layers), 40);
-        let (shares, _, below) = told(&format!("{layers} Hénon layers"), &map);
+        let (shares, _, below) = said(&format!("{layers} Hénon layers"), &map);
         // As large as the motion and of first order, where ε is small for the weights.
         assert!((below - 1.0).abs() < 0.05, "{below}");
         assert!(shares[9] > 0.9, "{shares:?}");
     }
     let map = fitted(&Mixed, &turned_kicks(12), 40);
-    let (shares, ..) = told("12 turned kicks", &map);
+    let (shares, ..) = said("12 turned kicks", &map);
     assert!(shares.iter().all(|share| *share < 0.01), "{shares:?}");
 }
 

@@ -22,12 +22,12 @@ use std::path::{Path, PathBuf};
 fn train(folder: &Path, data: &str, action: &str, more: &[&str]) -> (String, Value, String) {
     let first = ["train", "--data", data, "--circle-action", action, "--output", "m.json"];
     let output = call(folder, &[&first[..], &["--overwrite"], more].concat());
-    let told = text(&output.stderr);
-    assert_eq!(output.status.code(), Some(0), "{told}");
+    let said = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{said}");
     let report = std::fs::read_to_string(folder.join("m-report/report.md")).expect("a report");
     let data = std::fs::read(folder.join("m-report/report.json")).expect("data");
     let first = report.split("## ").nth(1).expect("a section").to_owned();
-    (first, serde_json::from_slice(&data).expect("one JSON document"), told)
+    (first, serde_json::from_slice(&data).expect("one JSON document"), said)
 }
 
 fn real(file: &str) -> PathBuf {
@@ -99,8 +99,8 @@ fn real_systems_are_judged_by_their_worst_plane() {
             let truth = truth(folder.path(), &check, &orbits);
             eprintln!("{name}, {weights}: {truth:?}\n{first}");
             for (j, (share, _)) in truth.iter().enumerate() {
-                let told = trust["planes"][j]["share"].as_f64().expect("a number");
-                assert!((0.5..2.0).contains(&(told / share)), "{name}: {told:e}, {share:e}");
+                let said = trust["planes"][j]["share"].as_f64().expect("a number");
+                assert!((0.5..2.0).contains(&(said / share)), "{name}: {said:e}, {share:e}");
             }
             let worst = if truth[1].0 > truth[0].0 { 1 } else { 0 };
             assert_eq!(trust["plane"], worst + 1, "{name}");
@@ -202,11 +202,11 @@ fn weights_of_the_loss_are_options() {
     let errors = model["component_errors"].as_array().expect("errors").iter();
     let squares: Vec<f64> = errors.map(|e| e.as_f64().expect("a number").powi(2)).collect();
     let weighted: f64 = squares.iter().zip(&weights_of_data).map(|(s, w)| s * w / 4.0).sum();
-    for (told, found) in [
+    for (said, found) in [
         (&model["held_out_error"], squares.iter().sum::<f64>() / 4.0),
         (&model["best"]["validation"], weighted),
     ] {
-        assert!((told.as_f64().expect("a number") / found - 1.0).abs() < 1e-10, "{model}");
+        assert!((said.as_f64().expect("a number") / found - 1.0).abs() < 1e-10, "{model}");
     }
     let (none, of_none, _) = small(&["--loss-weights", "none"]);
     assert!(none.is_empty() && of_none != of_auto);
@@ -225,9 +225,9 @@ fn weights_of_the_loss_are_options() {
     for (bad, word) in [("1,2,3", "3"), ("1,0", "0"), ("1,x", "1,x"), ("-1,1", "-1")] {
         let first = ["train", "--data", &data, "--circle-action", "1,0", "--output", "x.json"];
         let output = call(path, &[&first[..], &["--loss-weights", bad]].concat());
-        let told = text(&output.stderr);
-        assert_eq!(output.status.code(), Some(2), "{bad}: {told}");
-        assert!(told.contains("loss") && told.contains(word), "{bad}: {told}");
+        let said = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{bad}: {said}");
+        assert!(said.contains("loss") && said.contains(word), "{bad}: {said}");
     }
 }
 
@@ -255,7 +255,7 @@ fn a_verdict_takes_held_out_pairs() {
 
 /// Held-out pairs that repeat those of the training, and images where no input is, say little.
 #[test]
-fn repeated_pairs_and_images_beyond_the_inputs_are_told() {
+fn repeated_pairs_and_images_beyond_the_inputs_are_reported() {
     let mut stream = Stream::new(6, "points");
     let points = |count: usize, stream: &mut Stream| -> Vec<f64> {
         (0..2 * count).map(|_| stream.uniform(-1.5, 1.5)).collect()
@@ -331,12 +331,12 @@ fn whole_turns_recommend_no_action() {
     let fit = ActionFit::fit(&pairs).expect("a fit");
     assert!(!fit.is_sure() && fit.describe().contains("whole turns"), "{}", fit.describe());
     assert!(fit.describe().contains("0.9 times this flow time"), "{}", fit.describe());
-    let (_, _, told) =
+    let (_, _, said) =
         train(folder.path(), "pairs.npz", "1,0", &[&SMALL[..], &["--iterations", "1"]].concat());
-    assert!(!told.contains("better"), "{told}");
+    assert!(!said.contains("better"), "{said}");
 }
 
-/// The action of a nearly integrable map is an invariant at ε = 0 only: that it moves is told,
+/// The action of a nearly integrable map is an invariant at ε = 0 only: that it moves is reported,
 /// and is no fault.
 #[test]
 fn a_perturbed_map_may_move_its_action() {
@@ -364,11 +364,11 @@ fn a_perturbed_map_may_move_its_action() {
     assert!(own.unperturbed && own.fault().is_none() && own.drift > 0.1, "{own:?}");
 }
 
-/// Swings of the actions: those of a fast rotation are told from its steps, those of a slow
+/// Swings of the actions: those of a fast rotation are computed from its steps, those of a slow
 /// motion are not, and none is too wide along orbits of the system itself.
 #[test]
 fn swings_of_actions_are_compared_with_steps() {
-    for (name, told) in [("three-body", true), ("spring-pendulum", false)] {
+    for (name, said) in [("three-body", true), ("spring-pendulum", false)] {
         let orbits = read_trajectories(&real(&format!("{name}-orbits.npy")), 2).expect("orbits");
         let (values, count) = (orbits.values(), orbits.count());
         let pairs = read_pairs(&real(&format!("{name}.npz"))).expect("pairs").pairs;
@@ -380,14 +380,14 @@ fn swings_of_actions_are_compared_with_steps() {
         let swings = of(values);
         eprintln!("{name}: {swings:?}");
         assert!(swings.iter().all(|swing| swing.beyond == 0 && !swing.is_too_wide()));
-        assert!(swings[0].allowed.is_some() && swings[1].allowed.is_some() == told, "{swings:?}");
+        assert!(swings[0].allowed.is_some() && swings[1].allowed.is_some() == said, "{swings:?}");
         // A drift of the slow plane's action by a half of its range.
         let mut drifting = values.to_vec();
         for (k, z) in drifting.chunks_exact_mut(4).enumerate() {
             let grown = 1.0 - 0.4 * (k / count) as f64 / 100.0;
             (z[1], z[3]) = (grown * z[1], grown * z[3]);
         }
-        assert_eq!(of(&drifting)[1].is_too_wide(), told, "{swings:?}");
+        assert_eq!(of(&drifting)[1].is_too_wide(), said, "{swings:?}");
         drifting[5] = f64::NAN;
         assert!(of(&drifting)[1].beyond > 0);
     }

@@ -688,8 +688,8 @@ fn a_perturbation_moves_the_actions_by_epsilon() {
         // The kicks of the perturbation alone are near the identity.
         let near = map.with_epsilon(0.1).composition().near_identity_part();
         assert_eq!(near.steps().len(), 2);
-        let told = map.iterated(2).expect_err("other powers").to_string();
-        assert!(told.contains("perturbation"), "{told}");
+        let said = map.iterated(2).expect_err("other powers").to_string();
+        assert!(said.contains("perturbation"), "{said}");
         assert!(plain.iterated(2).is_ok());
     }
 }

@@ -1,5 +1,5 @@
 //! Six maps that the crate does not know, certified: each holds, and each that goes wrong
-//! by a billionth or a trillionth is told from it. `wrong` is 0 in the right ones.
+//! by a billionth or a trillionth is distinguished from it. `wrong` is 0 in the right ones.
 
 /// The target for `cargo fuzz`, which is no dependency of the suite, as a function: what `libfuzzer_sys` makes of it.
 #[macro_export]
@@ -207,7 +207,7 @@ fn six_maps_hold() {
 }
 
 #[test]
-fn a_trillionth_is_told() {
+fn a_trillionth_is_seen() {
     for wrong in [1e-9, 1e-12] {
         for (name, map, radius) in maps(wrong) {
             let options = CertificateOptions { radius, samples: 30, ..Default::default() };
@@ -403,7 +403,7 @@ fn maps_of_few_operations_hold_too() {
 }
 
 #[test]
-fn circles_that_are_none_of_the_map_are_told() {
+fn circles_that_are_none_of_the_map_are_reported() {
     let options = CertificateOptions::default();
     let verdict = |certificate: &Certificate| {
         certificate.rows.iter().find(|row| row.law == "periodicity").expect("a row").verdict

@@ -122,8 +122,8 @@ fn a_scene_on_files_runs_to_a_report() {
         let squares: f64 = states.iter().zip(reference.values()).map(squares).sum();
         let rms = (squares / 33.0).sqrt();
         let model = &studies["rollout"]["models"][k];
-        let told = model["rms_error"].as_f64().expect("a number");
-        assert!((told / rms - 1.0).abs() < 1e-12 && rms < 0.5, "{name}: {told:e}, {rms:e}");
+        let said = model["rms_error"].as_f64().expect("a number");
+        assert!((said / rms - 1.0).abs() < 1e-12 && rms < 0.5, "{name}: {said:e}, {rms:e}");
         assert_eq!(model["system_adiabatic"], Value::Null);
         assert!(model["own_adiabatic"]["along_own_orbits"]["largest_change"].is_number());
         let trust = &studies["trust"][k];
@@ -235,13 +235,13 @@ fn scenes_on_files_that_cannot_be_are_refused() {
         std::fs::write(path.join("bad.toml"), scene).expect("written");
         let out = format!("o{number}");
         let output = run(path, "bad.toml", &out);
-        let told = String::from_utf8_lossy(&output.stderr);
-        assert_eq!(output.status.code(), Some(2), "{from}: {told}");
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{from}: {said}");
         // Before anything is trained, and before a folder is made.
-        assert!(!told.contains("training gyroceptron"), "{from}: {told}");
+        assert!(!said.contains("training gyroceptron"), "{from}: {said}");
         assert!(!words[0].ends_with(".npy") || !path.join(&out).exists(), "{from}");
         for word in words {
-            assert!(told.contains(word), "{from} does not name {word}: {told}");
+            assert!(said.contains(word), "{from} does not name {word}: {said}");
         }
     }
 }
@@ -454,9 +454,9 @@ weights = { kind = "normal", scale = 0.15 }
     let write = |name: &str, text: &str| std::fs::write(path.join(name), text).expect("written");
     write("own.toml", scene);
     let output = run(path, "own.toml", "out");
-    let told = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(output.status.success(), "{told}");
-    assert!(told.contains("looking for the circle action of"), "{told}");
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{said}");
+    assert!(said.contains("looking for the circle action of"), "{said}");
     let (text, data) = report(&path.join("out"));
     assert!(text.contains("circle action 0,1: after") && text.contains("[0, 1], 0.01"), "{text}");
     assert_eq!(data["studies"]["pairs"]["held_out"], 40);
@@ -534,20 +534,20 @@ weights = { kind = "normal", scale = 0.15 }
     // With few pairs nothing is sure: before anything is trained or a folder made.
     write("few.toml", &scene.replace("pairs.npz", "few.npz"));
     let output = run(path, "few.toml", "few");
-    let told = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert_eq!(output.status.code(), Some(2), "{told}");
-    let last = told.lines().last().expect("an error");
-    assert!(last.contains("data.circle_action of") && last.contains("few.npz"), "{told}");
-    assert!(last.contains("fewer than 100 pairs"), "{told}");
-    assert!(!told.contains("training one") && !path.join("few").exists(), "{told}");
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    let last = said.lines().last().expect("an error");
+    assert!(last.contains("data.circle_action of") && last.contains("few.npz"), "{said}");
+    assert!(last.contains("fewer than 100 pairs"), "{said}");
+    assert!(!said.contains("training one") && !path.join("few").exists(), "{said}");
     // What is found does not fit the network.
     let other =
         scene.replace("kind = \"normal-form\"", "kind = \"normal-form\", action = [[1, 0]]");
     write("other.toml", &other);
     let output = run(path, "other.toml", "other");
-    let told = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert_eq!(output.status.code(), Some(2), "{told}");
-    assert!(told.contains("models.one") && told.contains("action"), "{told}");
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    assert!(said.contains("models.one") && said.contains("action"), "{said}");
     assert!(!path.join("other").exists());
 }
 
@@ -696,13 +696,13 @@ fn the_search_for_an_action_can_be_interrupted() {
             .stderr(std::process::Stdio::piped())
             .spawn()
             .expect("it starts");
-        let told = BufReader::new(child.stderr.take().expect("a pipe"));
-        let mut told = told.lines().map(|line| line.expect("text"));
-        assert!(told.any(|line| line.contains("looking for the circle action of")));
+        let said = BufReader::new(child.stderr.take().expect("a pipe"));
+        let mut said = said.lines().map(|line| line.expect("text"));
+        assert!(said.any(|line| line.contains("looking for the circle action of")));
         let id = child.id().to_string();
         let signal = Command::new("kill").args(["-INT", &id]).status();
         assert!(signal.expect("sent").success());
-        let rest: Vec<String> = told.collect();
+        let rest: Vec<String> = said.collect();
         assert_eq!(child.wait().expect("ends").code(), Some(130), "{rest:?}");
         assert!(!path.join("out/model.json").exists() && !path.join("out/jobs").exists());
         let again: &[&str] = if arguments.contains(&"--plan") { &[] } else { &["--resume"] };
@@ -761,9 +761,9 @@ weights = {{ kind = "normal", scale = 0.15 }}
             .replace("flow_time = 1.0\n", if name == "auto" { "" } else { "flow_time = 1.0\n" });
         std::fs::write(path.join("own.toml"), scene).expect("written");
         let output = run(path, "own.toml", name);
-        let told = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert!(output.status.success(), "{told}");
-        assert_eq!(told.contains("looking for"), name != "given", "{told}");
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success(), "{said}");
+        assert_eq!(said.contains("looking for"), name != "given", "{said}");
         let folder = path.join(name).join("own");
         let (text, data) = report(&folder);
         let model = load_model(&folder.join("model.json")).expect("a model").model;
@@ -784,15 +784,15 @@ weights = {{ kind = "normal", scale = 0.15 }}
     let bad = scene("circle_action = \"find\"");
     std::fs::write(path.join("bad.toml"), bad).expect("written");
     let output = run(path, "bad.toml", "bad");
-    let told = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(output.status.code() == Some(2) && told.contains("[1, 0]"), "{told}");
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.code() == Some(2) && said.contains("[1, 0]"), "{said}");
     // A network of one circle: only single ones are looked for.
     let one = "network = { kind = \"gyroceptron\", psi = { count = 1, width = 2 }, near_identity = { count = 1, width = 2 } }\n";
     let text = scene("") + "\n[[parts.models]]\nname = \"one\"\n" + one;
     std::fs::write(path.join("one.toml"), text).expect("written");
     let output = run(path, "one.toml", "one");
-    let told = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(output.status.success(), "{told}");
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{said}");
     let (_, data) = report(&path.join("one/own"));
     let found = data["studies"]["pairs"]["circle_action"].as_array().expect("circles").len();
     assert_eq!(found, 1);

@@ -1,5 +1,5 @@
 //! What measures give, by the definitions in their documentation: ratios of errors to their bounds,
-//! of steps whose matrices and errors are chosen, and what is told of orbits.
+//! of steps whose matrices and errors are chosen, and what is reported of orbits.
 
 use faer::Mat;
 use gyroceptron::flow::Pairs;
@@ -205,19 +205,19 @@ fn defects_are_measured_in_units_of_their_scale() {
 
 /// A tenth of 1 leaves no digit of a determinant, a tenth of |z| none of a way back.
 #[test]
-fn bounds_that_leave_no_digit_are_told() {
-    for (share, told) in [(0.995, false), (1.005, true)] {
+fn bounds_that_leave_no_digit_are_reported() {
+    for (share, said) in [(0.995, false), (1.005, true)] {
         // 2|J|² + 1 = 0.1/u.
         let stretch = (0.05 * share / U).sqrt();
         let step = [Linear::exact([stretch, 0.0, 0.0, 1.0 / stretch])];
         let found = determinant_ratio(&RoundingPropagation::new(&boxed(&step), &[1.0, 1.0]));
-        assert_eq!(found == Conditioned::IllConditioned, told, "{share}: {found:?}");
+        assert_eq!(found == Conditioned::IllConditioned, said, "{share}: {found:?}");
         // Twice the error there is the reach of the way there and back.
         let there =
             Linear { delta: [0.0, 0.05 * share / U], ..Linear::exact([1.0, 0.0, 0.0, 1.0]) };
         let back = Linear::exact([1.0, 0.0, 0.0, 1.0]);
         let found = inversion_ratio(boxed(&[there]), boxed(&[back]), &[1.0, 1.0]);
-        assert_eq!(found == Conditioned::IllConditioned, told, "{share}: {found:?}");
+        assert_eq!(found == Conditioned::IllConditioned, said, "{share}: {found:?}");
     }
 }
 
@@ -471,10 +471,10 @@ fn a_pullback_is_measured_by_the_bounds_of_both_sums() {
     // What is off: 1e-9 of (1·3 + ½·4)·2.
     close(ratio(found), 1e-8 / (left.error() + right.error()), 1e-6);
     // A bound of a hundred-thousandth of the largest term, here 1.5·1, is a test, a larger one is none.
-    for (share, told) in [(0.995, false), (1.005, true)] {
+    for (share, said) in [(0.995, false), (1.005, true)] {
         let map = Scaled { off: 0.0, bound: Some(share * RESOLVED * 1.5 / U) };
         let found = adjoint_ratio(&map, &[0.0, 0.0], &[1.0, 0.0, 0.0], &[1.0, 0.0]);
-        assert_eq!(found == Conditioned::IllConditioned, told, "{share}: {found:?}");
+        assert_eq!(found == Conditioned::IllConditioned, said, "{share}: {found:?}");
     }
 }
 
@@ -749,11 +749,11 @@ fn the_invariance_of_a_network_is_the_median_over_its_orbits() {
     assert_eq!(found.iterations, 160);
     let moved = near_identity_rms(&model.near_identity(), &starts) / 0.01;
     close(found.moved.expect("I_ε"), moved, 1e-14);
-    // A resonance is told within 2ε.
-    for (share, told) in [(0.995, true), (1.005, false)] {
+    // A resonance is reported within 2ε.
+    for (share, said) in [(0.995, true), (1.005, false)] {
         let model = gyroceptron(TAU / 5.0 + 0.02 * share);
         let found = OwnInvariance::measure(&model, &starts, 20).expect("an invariant");
-        assert_eq!(found.resonance.is_some(), told, "{share}");
+        assert_eq!(found.resonance.is_some(), said, "{share}");
     }
     // A tenth is of no use; a power of 0.3 is a drift where it is more than a hundredth.
     let fault = |drift: f64, exponent: f64| {
@@ -792,7 +792,7 @@ fn swings_are_of_the_actions_by_definition() {
     close(found.range, range, 1e-13);
     close(found.swing, swings[1], 1e-13);
     assert_eq!(found.beyond, swings.iter().filter(|swing| **swing > range).count());
-    close(found.allowed.expect("told"), 6.0 / (1.5 * angle).sin().abs(), 1e-12);
+    close(found.allowed.expect("said"), 6.0 / (1.5 * angle).sin().abs(), 1e-12);
     close(found.steps(), found.swing / found.step, 1e-14);
     // Too wide beyond what is allowed, where it is more than a twentieth of the range.
     let wide = |swing: f64, range: f64| {

@@ -451,12 +451,12 @@ fn twists_without_a_loss_are_not_chosen() {
     assert!(result.stages[3..].iter().all(|stage| stage.best.loss.is_infinite()));
     // The weights of no start are drawn for twists too.
     let mut drawn = Vec::new();
-    let mut told = |number: u64| {
+    let mut said = |number: u64| {
         drawn.push(number);
         start(number)
     };
     let options = TrainingOptions { ramp: ramp(), fresh_twists: fresh(2, 5), ..self::options(3) };
-    run_from(&mut told, &options, &mut Store::default());
+    run_from(&mut said, &options, &mut Store::default());
     assert!(drawn.ends_with(&[3, 4]), "{drawn:?}");
     assert!(drawn[..drawn.len() - 2].iter().all(|number| *number < 3), "{drawn:?}");
 }

@@ -1794,7 +1794,7 @@ fn planes_stand_for_the_field() {
 }
 
 /// A curve of a few modes is found from an orbit on it, with its turning, its area and distances from it; chaos is
-/// told.
+/// reported.
 #[test]
 fn invariant_circles_are_fitted_to_orbits() {
     let turns = (5f64.sqrt() - 1.0) / 2.0;

@@ -353,7 +353,7 @@ fn older_files_are_read_to_the_same_bits() {
 /// Pairs in coordinates that are not canonical have no images by a generating function: what is wrong with them is
 /// said, and not that Newton's method failed.
 #[test]
-fn pairs_that_keep_no_area_are_told_from_a_failure() {
+fn pairs_that_keep_no_area_differ_from_a_failure() {
     let squeezed = |z: &mut [f64]| {
         kicked(z);
         for (k, v) in z.iter_mut().enumerate() {

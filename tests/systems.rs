@@ -668,11 +668,11 @@ fn unperturbed_field_lines_turn_on_their_surfaces() {
 #[test]
 fn field_lines_tell_where_they_are_not() {
     let system = FieldLines::new(1e-3);
-    let told = |z: [f64; 2]| system.check_point(&z).expect_err("not there").to_string();
-    assert!(told([1.02, 0.3]).contains("inside of the torus"), "{}", told([1.02, 0.3]));
-    assert!(told([0.0, 0.0]).contains("singular on the axis"));
-    assert!(told([0.1, 3.0]).contains("r(p_θ, θ) at the point [0.1, 3.0]"));
-    assert!(told([f64::NAN, 0.1]).contains("NaN"));
+    let said = |z: [f64; 2]| system.check_point(&z).expect_err("not there").to_string();
+    assert!(said([1.02, 0.3]).contains("inside of the torus"), "{}", said([1.02, 0.3]));
+    assert!(said([0.0, 0.0]).contains("singular on the axis"));
+    assert!(said([0.1, 3.0]).contains("r(p_θ, θ) at the point [0.1, 3.0]"));
+    assert!(said([f64::NAN, 0.1]).contains("NaN"));
     assert!(FieldLines::new(0.0).check_point(&[0.0, 0.0]).is_ok());
     // Without a poloidal wave it is defined there, and at rest.
     let plain = FieldLines { poloidal: 0, ..system };
@@ -780,9 +780,9 @@ fn a_flow_that_changes_with_time_is_repeated_by_whole_periods_only() {
         let along = |interval: f64, states: usize| {
             ReferenceTrajectories::of_flow(&system, &[0.0, 0.0, 1.0, 0.3], interval, states)
         };
-        let told = along(0.5, 101).expect_err("refused").to_string();
-        assert!(told.contains("interval") && told.contains("period"), "{told}");
-        // Up to a billionth of one, where the period is told.
+        let said = along(0.5, 101).expect_err("refused").to_string();
+        assert!(said.contains("interval") && said.contains("period"), "{said}");
+        // Up to a billionth of one, where the period is given.
         if period.is_some() {
             for (share, whole) in [(0.995, true), (1.005, false)] {
                 assert_eq!(along(TAU * (1.0 + 1e-9 * share), 3).is_ok(), whole, "{share}");
@@ -1048,14 +1048,14 @@ fn stroboscopic_averaging_follows_the_slow_motion() {
     }
     assert!(averaging(0, 2).check().is_err());
     assert!(averaging(8, 4).check().is_err());
-    // What is told as its error is no less than it is, of the highest order too, ...
+    // What is stated as its error is no less than it is, of the highest order too, ...
     let coarse = System::Oscillators(Oscillators { epsilon: 0.05 });
     let highest = averaging(24, 3);
-    let (found, told) =
+    let (found, said) =
         Pairs::of_integrator(&coarse, point(2, 5), 200.0, highest, 800).expect("moves");
     let exact = Pairs::of_flow(&coarse, point(2, 5), 200.0).expect("moves").0;
     let error = distance(found.output(), exact.output());
-    assert!(error > 1e-6 && told > 0.5 * error, "{told:e} for {error:e}");
+    assert!(error > 1e-6 && said > 0.5 * error, "{said:e} for {error:e}");
     // ... with the most steps of a period ...
     let finest = averaging(1000, 3);
     assert!(Pairs::of_integrator(&coarse, point(2, 5), 20.0, finest, 1).is_ok());
@@ -1063,11 +1063,11 @@ fn stroboscopic_averaging_follows_the_slow_motion() {
     let system = System::FullOrbit(FullOrbit::new(0.01));
     for (time, steps) in [(400.0, 128), (5.0, 1)] {
         let method = averaging(8, 2);
-        let (found, told) =
+        let (found, said) =
             Pairs::of_integrator(&system, point(2, 5), time, method, steps).expect("moves");
         let exact = Pairs::of_flow(&system, point(2, 5), time).expect("moves").0;
         let error = distance(found.output(), exact.output());
-        assert!(error > 1e-12 && told > 0.8 * error, "{told:e} for {error:e}");
+        assert!(error > 1e-12 && said > 0.8 * error, "{said:e} for {error:e}");
         let z = point(2, 5);
         let along = ReferenceTrajectories::of_integrator(&system, &z, time, 2, method, steps);
         let along = along.expect("moves");
@@ -1409,9 +1409,9 @@ fn averaged_equations_have_their_orders() {
     let closed =
         Integrator::Averaged(AveragedSettings { order: 2, angles: 8, closed: true, by: None });
     closed.check().expect("of some systems");
-    let told = closed.check_for(&System::ParticleField(particle(0.01, 2)));
-    let told = told.expect_err("no closed form").to_string();
-    assert!(told.contains("closed form"), "{told}");
+    let said = closed.check_for(&System::ParticleField(particle(0.01, 2)));
+    let said = said.expect_err("no closed form").to_string();
+    assert!(said.contains("closed form"), "{said}");
 }
 
 /// The closed averages over a time of 100 by splittings, beside Runge–Kutta steps, and by one with a wrong coefficient.
@@ -1838,9 +1838,9 @@ fn closed_averages_of_second_order_are_their_definition() {
     let wrong = std::panic::catch_unwind(|| {
         closed_average_is_its_definition(&OtherAverage(particle), "a mutant");
     });
-    let told = wrong.expect_err("rejected");
-    let told = told.downcast_ref::<String>().expect("a message");
-    assert!(told.contains("a mutant, radius"), "{told}");
+    let said = wrong.expect_err("rejected");
+    let said = said.downcast_ref::<String>().expect("a message");
+    assert!(said.contains("a mutant, radius"), "{said}");
 }
 
 /// ⟨f⟩ and ⟨Df·u⟩ by 64 angles, where f is the field minus that of the limit in coordinates that turn with it, and u

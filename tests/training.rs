@@ -764,7 +764,7 @@ fn levenberg_marquardt_takes_all_pairs_before_it_ends() {
     let last = outcome.history.last().expect("a record");
     assert!(last.iteration > smallest.iteration, "{last:?}");
     assert!(last.pairs == 300 || outcome.stop == Stop::Iterations, "{:?}", outcome.stop);
-    // The loss that is told is that of all pairs.
+    // The loss that is reported is that of all pairs.
     let objective = Objective::new(&Loss::MeanSquaredError, &pairs).expect("valid");
     assert_eq!(outcome.loss, objective.value(outcome.model.composition()));
     for optimiser in optimisers() {
@@ -1182,8 +1182,8 @@ fn a_fixed_angle_stays() {
     let shape = HenonShape::uniform(2, 2, 3);
     let net = shape.architecture(1.0).initialise(InitialWeights::Glorot, 0.0, 1).expect("valid");
     let options = TrainingOptions { theta_fixed: true, ..options(2) };
-    let told = train(&net, &pairs, None, &options, None, &mut quiet).expect_err("no θ");
-    assert!(told.to_string().contains("theta_fixed"), "{told}");
+    let said = train(&net, &pairs, None, &options, None, &mut quiet).expect_err("no θ");
+    assert!(said.to_string().contains("theta_fixed"), "{said}");
 }
 
 /// Σ(θ − θ⁰)² joins the loss and its derivatives to second order; under every optimiser a larger
@@ -1233,14 +1233,14 @@ fn a_penalised_angle_stays_near() {
     }
     for bad in [-1.0, f64::NAN, f64::INFINITY] {
         let options = TrainingOptions { theta_penalty: bad, ..options(5) };
-        let told = train(&start, &pairs, None, &options, None, &mut quiet).expect_err("no weight");
-        assert!(told.to_string().contains("theta_penalty"), "{told}");
+        let said = train(&start, &pairs, None, &options, None, &mut quiet).expect_err("no weight");
+        assert!(said.to_string().contains("theta_penalty"), "{said}");
     }
     let shape = HenonShape::uniform(2, 2, 3);
     let net = shape.architecture(1.0).initialise(InitialWeights::Glorot, 0.0, 1).expect("valid");
     let options = TrainingOptions { theta_penalty: 1.0, ..options(2) };
-    let told = train(&net, &pairs, None, &options, None, &mut quiet).expect_err("no θ");
-    assert!(told.to_string().contains("theta_penalty"), "{told}");
+    let said = train(&net, &pairs, None, &options, None, &mut quiet).expect_err("no θ");
+    assert!(said.to_string().contains("theta_penalty"), "{said}");
 }
 
 /// Pairs are asked for as residuals a parameter, and come back as they were.

@@ -61,7 +61,7 @@ fn departures_are_the_largest_and_the_last_distance() {
     let found = departures(&moved, &reference);
     assert_eq!((found[0].largest, found[0].last), (3.0, 0.0));
     assert_eq!((found[1].largest, found[1].last), (2.0, 2.0));
-    // A NaN, however early, is told; so is a missing state.
+    // A NaN, however early, is reported; so is a missing state.
     let broken = departures(&example(Some((4, f64::NAN))), &reference);
     assert!(broken[0].largest.is_nan() && broken[0].last == 0.0);
     assert!(!broken[1].largest.is_nan());
@@ -303,7 +303,7 @@ fn quantities_and_parts_of_trajectories_are_of_their_states() {
 
 /// The errors that flows tell of themselves are the distances of two resolutions.
 #[test]
-fn told_errors_are_the_distances_of_two_resolutions() {
+fn stated_errors_are_the_distances_of_two_resolutions() {
     let system = System::Oscillators(Oscillators { epsilon: 0.1 });
     let points: Vec<f64> = (0..40).map(|k| 1.3 * (1.7 * f64::from(k)).sin()).collect();
     let largest =
@@ -374,7 +374,7 @@ fn errors_of_a_rotation_are_their_definition() {
         assert!(!motion.explained);
         close(motion.scale, ((squares[j] + squares[2 + j]) / 4.0).sqrt());
     }
-    // What moves by less than 1e-8 of its size does not: its size is told in its place.
+    // What moves by less than 1e-8 of its size does not: its size is given in its place.
     for (share, explained) in [(0.995, true), (1.005, false)] {
         let by = share * PlaneMotion::ROUNDING * 2.0_f64.sqrt();
         let still = |moved: f64| vec![0.0, 1.0, 0.0, 1.0 + moved];

@@ -114,7 +114,7 @@ fn units_are_found_again() {
     assert_eq!(doubled, Some(all_units([0.0; 4], [128.0; 4])));
 }
 
-/// A centre is told from the rotation, however far it is and whatever the flow time; and none is
+/// A centre is found from the rotation, however far it is and whatever the flow time; and none is
 /// made up where pairs of one side hardly turn.
 #[test]
 fn centres_are_found_where_they_are() {
@@ -174,13 +174,13 @@ fn units_of_unequal_areas_are_refused() {
         vec![1e200; 4],
         vec![1.0; 3],
     ] {
-        let told = Units::new(vec![0.0; factors.len()], factors.clone());
-        assert!(told.is_err(), "{factors:?}");
+        let said = Units::new(vec![0.0; factors.len()], factors.clone());
+        assert!(said.is_err(), "{factors:?}");
     }
     assert!(Units::new(vec![0.0, f64::INFINITY], vec![1.0; 2]).is_err());
     assert!(Units::new(Vec::new(), Vec::new()).is_err());
-    let told = Units::new(vec![0.0; 4], vec![2.0, 1.0, 3.0, 5.0]).expect_err("unequal");
-    assert!(told.to_string().contains("factors of q2 and p2"), "{told}");
+    let said = Units::new(vec![0.0; 4], vec![2.0, 1.0, 3.0, 5.0]).expect_err("unequal");
+    assert!(said.to_string().contains("factors of q2 and p2"), "{said}");
 }
 
 /// S∘P∘S⁻¹ with another area in the second plane than in the first.
@@ -295,8 +295,8 @@ fn files_keep_units() {
         ("\"version\": 3", "\"version\": 6", "newer"),
     ] {
         assert!(text.contains(from));
-        let told = parse_model("m.json", text.replacen(from, to, 1).as_bytes()).expect_err(word);
-        assert!(told.to_string().contains(word), "{told}");
+        let said = parse_model("m.json", text.replacen(from, to, 1).as_bytes()).expect_err(word);
+        assert!(said.to_string().contains(word), "{said}");
     }
 
     let folder = tempfile::tempdir().expect("a folder");
@@ -324,8 +324,8 @@ fn files_keep_units() {
         wrong.get_mut("units.factors").expect("a tensor").values[3] *= 1.0 + 1e-5;
         assert!(take_units(name, &mut wrong, 2).is_err());
         tensors.remove("units.centre");
-        let told = take_units(name, &mut tensors, 2).expect_err("one is missing").to_string();
-        assert!(told.contains("units.centre"), "{told}");
+        let said = take_units(name, &mut tensors, 2).expect_err("one is missing").to_string();
+        assert!(said.contains("units.centre"), "{said}");
     }
 }
 
@@ -584,7 +584,7 @@ fn a_preparation_tells_the_angle_and_the_slow_time() {
     let of_order_one = Preparation { of_order_one: true, ..preparation };
     assert_eq!(of_order_one.prepare(pairs.clone()).expect("pairs").flow_time, 1.0);
 
-    // Columns q₁ p₁ q₂ p₂ are told by what rotations leave of both readings.
+    // Columns q₁ p₁ q₂ p₂ are recognised by what rotations leave of both readings.
     let share = |pairs: &Pairs| {
         let pairs = match fit_units(pairs, &action) {
             Some(units) => pairs.to_network("pairs", &units).expect("finite"),
@@ -602,8 +602,8 @@ fn a_preparation_tells_the_angle_and_the_slow_time() {
     // Of a few pairs it would be chance.
     assert!(Reading::better(&interleaved.thinned(20), &action).is_some());
     assert!(Reading::better(&interleaved.thinned(19), &action).is_none());
-    let told = found.describe();
+    let said = found.describe();
     for error in [found.error, found.as_given] {
-        assert!(told.contains(&format!("{:.1} %", 100.0 * error.sqrt())), "{told}");
+        assert!(said.contains(&format!("{:.1} %", 100.0 * error.sqrt())), "{said}");
     }
 }

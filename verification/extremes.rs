@@ -276,7 +276,7 @@ fn high_harmonics_keep_the_accuracy_of_theta() {
     }
 }
 
-/// There is no adiabatic invariant on a resonance: who asks is told.
+/// There is no adiabatic invariant on a resonance: whoever asks is informed.
 #[test]
 fn resonances_are_found() {
     for (theta, q) in [(0.0, 1), (PI, 2), (TAU / 3.0, 3), (-TAU / 4.0, 4), (TAU * 2.0 / 7.0, 7)] {
@@ -289,8 +289,8 @@ fn resonances_are_found() {
     assert_eq!(nearest_resonance(f64::NAN, 7), None);
     // The published weights: θ = 0.00564 at ε = 0.01.
     let action = CircleAction::new([1, 0]);
-    let told = disturbing_resonance(&action, 0.00564, 0.01).expect("next to q = 1").to_string();
-    assert_eq!(told, "2π·0/1, at a distance of 5.6e-3");
+    let said = disturbing_resonance(&action, 0.00564, 0.01).expect("next to q = 1").to_string();
+    assert_eq!(said, "2π·0/1, at a distance of 5.6e-3");
     assert_eq!(disturbing_resonance(&action, crate::adiabatic::GOLDEN, 1e-3), None);
     // What resonates is m·θ: a ninth of a turn, three times over.
     let third = disturbing_resonance(&CircleAction::new([3]), TAU / 9.0, 0.01).expect("q = 3");

@@ -241,8 +241,8 @@ fn verify(arguments: &Verify) -> Result<Status, Error> {
                 (path.display().to_string(), certify_polynomial(stored.map.map(), options)?)
             }
             StoredMap::Network(stored) => {
-                let (stored, told) = at_controls(*stored, &arguments.at)?;
-                notes.extend(told.iter().map(ToString::to_string));
+                let (stored, outside) = at_controls(*stored, &arguments.at)?;
+                notes.extend(outside.iter().map(ToString::to_string));
                 own_units.clone_from(&stored.units);
                 if own_units.is_some() {
                     coordinates = ", z in the units of the network";

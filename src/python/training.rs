@@ -157,11 +157,11 @@ impl TrainingObserver for Calling<'_> {
             return Ok(Control::Interrupt);
         }
         let name = if stage == TrainingStage::Last { "training".to_owned() } else { stage.name() };
-        let told = (name, record.iteration, record.loss, record.validation);
+        let arguments = (name, record.iteration, record.loss, record.validation);
         let goes_on = Python::attach(|py| -> PyResult<bool> {
             py.check_signals()?;
             let Some(callback) = self.callback else { return Ok(true) };
-            let answer = callback.bind(py).call1(told)?;
+            let answer = callback.bind(py).call1(arguments)?;
             Ok(goes_on_after(&answer))
         });
         match goes_on {

@@ -56,7 +56,7 @@ impl fmt::Display for FitNote {
                 f.write_str(&section.describe())?;
                 match self.is_warning() {
                     true => f.write_str(
-                        ". Whether the pairs keep its area cannot be told to more than that: take a density on a \
+                        ". Whether the pairs keep its area cannot be judged more finely: take a density on a \
                          finer grid, a smoother one, or one with more digits",
                     ),
                     false => Ok(()),

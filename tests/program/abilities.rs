@@ -462,11 +462,11 @@ impl Trial<'_> {
         let mut arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
         arguments.push("--json");
         let output = succeeds(self.folder, &arguments);
-        let told = text(&output.stderr);
+        let said = text(&output.stderr);
         let of_note = |line: &&str| {
             !(line.starts_with("training ") || line.contains(": iteration ") || line.ends_with('…'))
         };
-        let lines = told.lines().filter(of_note).map(str::to_owned).collect();
+        let lines = said.lines().filter(of_note).map(str::to_owned).collect();
         let json: Value = serde_json::from_slice(&output.stdout).expect("one JSON document");
         Called { model: self.model(), lines, stop: json["stop"].clone() }
     }

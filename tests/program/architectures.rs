@@ -65,7 +65,7 @@ fn a_normal_form_is_trained_and_keeps_its_action() {
     assert_eq!(json["holds"], true, "{json}");
 
     let predict = ["predict", "--model", "m.json", "--input", "z.npy", "--output", "t.npy"];
-    // Nobody has told how long it takes.
+    // Nobody has stated how long it takes.
     let longer = [&predict[..], &["--steps", "2", "--flow-time", "40"]].concat();
     refuses(path, &longer, &["flow_time", "40", "given"]);
     succeeds(path, &[&predict[..], &["--steps", "20000", "--every", "5000"]].concat());
@@ -199,7 +199,7 @@ fn a_family_is_trained_and_asked_for_another_member() {
     assert_eq!(stopped.status.code(), Some(1));
 }
 
-/// 9,000 pairs of one flow time and nothing else told. Two minutes in a release build:
+/// 9,000 pairs of one flow time and nothing else given. Two minutes in a release build:
 /// `cargo test --release --test program pairs_of_one_time -- --ignored --nocapture` prints the
 /// errors.
 #[test]
@@ -270,8 +270,8 @@ fn couplings_are_trained_on_pairs_with_friction() {
         serde_json::from_slice(&succeeds(path, &symplectic).stdout).expect("one JSON document");
     assert!(json["best"]["validation"].as_f64().expect("a number") > 1e-3);
 
-    let told = text(&succeeds(path, &["verify", "--model", "m.json", "--samples", "40"]).stdout);
-    assert!(told.contains("holds") && told.contains("not claimed"), "{told}");
+    let said = text(&succeeds(path, &["verify", "--model", "m.json", "--samples", "40"]).stdout);
+    assert!(said.contains("holds") && said.contains("not claimed"), "{said}");
     write_points(&path.join("z.npy"), &[2, 2], &input[..4]).expect("written");
     let predict = ["predict", "--model", "m.json", "--input", "z.npy", "--steps", "1", "--output"];
     succeeds(path, &[&predict[..], &["t.npy"]].concat());
@@ -285,9 +285,9 @@ fn couplings_are_trained_on_pairs_with_friction() {
     assert_ne!(last_numbers(&path.join("half.npy"), 4), last_numbers(&path.join("t.npy"), 4));
 
     for weights in ["w.safetensors", "w.npz"] {
-        let told =
+        let said =
             text(&succeeds(path, &["export", "--model", "m.json", "--output", weights]).stdout);
-        assert!(told.contains("near_identity 4 couplings"), "{told}");
+        assert!(said.contains("near_identity 4 couplings"), "{said}");
         let import = ["import", "--weights", weights, "--circle-action", "1", "--epsilon", "0.05"];
         let import = [&import[..], &["--output", "back.json"]].concat();
         if weights == "w.npz" {

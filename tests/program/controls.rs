@@ -81,9 +81,9 @@ fn a_model_takes_values_of_its_controls() {
     let path = folder.path();
     let (pairs, values) = write_files(path, &VALUES);
     let done = succeeds(path, &TRAIN);
-    let told = text(&done.stderr);
-    assert!(told.contains("coil from -1 to 1"), "{told}");
-    assert!(told.contains("one value between the others are held out"), "{told}");
+    let said = text(&done.stderr);
+    assert!(said.contains("coil from -1 to 1"), "{said}");
+    assert!(said.contains("one value between the others are held out"), "{said}");
     let report = std::fs::read_to_string(path.join("model-report/report.md")).expect("a report");
     assert!(report.contains("--controls coil --control-degree 4"), "{report}");
     assert!(report.contains("--output TRAJECTORIES.npy --at coil=-0.5"), "{report}");
@@ -138,18 +138,18 @@ fn a_model_takes_values_of_its_controls() {
     assert!(error(found.values(), 0.45) < 1e-3, "{:e}", error(found.values(), 0.45));
     assert!(error(found.values(), 0.0) > 1e-2);
     // Without a word it is in the middle, and says so; beyond the range it says that too, or stops.
-    let told = text(&predict(&[], "b.npy").stderr);
-    assert!(told.contains("coil=0; --at takes others"), "{told}");
-    let told = text(&predict(&["--at", "coil=1.5"], "c.npy").stderr);
+    let said = text(&predict(&[], "b.npy").stderr);
+    assert!(said.contains("coil=0; --at takes others"), "{said}");
+    let said = text(&predict(&["--at", "coil=1.5"], "c.npy").stderr);
     assert!(
-        told.contains("coil = 1.5 is outside of what the model has learnt, from -1 to 1"),
-        "{told}"
+        said.contains("coil = 1.5 is outside of what the model has learnt, from -1 to 1"),
+        "{said}"
     );
     let stopped = predict(&["--at", "coil=1.5", "--outside", "stop"], "d.npy");
     assert_eq!(stopped.status.code(), Some(1));
     assert!(!path.join("d.npy").exists());
-    let told = text(&predict(&["--at", "coil=1.5", "--outside", "ignore"], "e.npy").stderr);
-    assert!(told.is_empty(), "{told}");
+    let said = text(&predict(&["--at", "coil=1.5", "--outside", "ignore"], "e.npy").stderr);
+    assert!(said.is_empty(), "{said}");
     succeeds(path, &["verify", "--model", "model.json", "--at", "coil=-0.9", "--radius", "0.3"]);
     for (at, words) in [
         ("coil", "NAME=VALUE"),
@@ -175,8 +175,8 @@ fn what_controls_of_pairs_cannot_be_is_refused() {
     refuses(path, &[&TRAIN[..], &["--control-degree", "0"]].concat(), &["--control-degree"]);
     refuses(path, &[&TRAIN[..], &["--control-degree", "99"]].concat(), &["controls: degree", "99"]);
     // Of fewer than five values none is held out, which is said.
-    let told = text(&succeeds(path, &brief()).stderr);
-    assert!(told.contains("of fewer than five none can be"), "{told}");
+    let said = text(&succeeds(path, &brief()).stderr);
+    assert!(said.contains("of fewer than five none can be"), "{said}");
     // A model of none takes none; pairs of none have no names.
     let (pairs, _) = write_files(path, &[0.0]);
     write_pairs(&path.join("pairs.npz"), &pairs).expect("written");

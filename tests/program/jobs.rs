@@ -459,8 +459,8 @@ fn blocks_of_points_are_parts_of_a_call_for_all() {
     let mut parts: Vec<Vec<f64>> = Vec::new();
     for (block, count) in [("1/2", 1), ("2/2", 2)] {
         let output = go(&predict("part.npy", &["--block", block, "--overwrite", "--json"]));
-        let told: Value = serde_json::from_slice(&output.stdout).expect("JSON");
-        assert_eq!((&told["block"], &told["shape"][1]), (&block.into(), &count.into()));
+        let said: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+        assert_eq!((&said["block"], &said["shape"][1]), (&block.into(), &count.into()));
         let part = read_trajectories(&path.join("part.npy"), 2).expect("trajectories");
         let row = part.values().len() / part.states();
         parts.push(part.values().to_vec());

@@ -99,10 +99,10 @@ fn random_networks_are_certified() {
     refuses(folder.path(), &["verify", "--random", "1000000000000"], &["--random", "at most"]);
 }
 
-/// An invariant that drifts is told, with the resonance that it is next to; one that stays
+/// An invariant that drifts is reported, with the resonance that it is next to; one that stays
 /// is not, wherever its angle is.
 #[test]
-fn an_invariant_that_does_not_stay_is_told() {
+fn an_invariant_that_does_not_stay_is_reported() {
     let folder = with_model();
     let path = folder.path().join("model.json");
     let stored = load_model(&path).expect("a model");

@@ -23,13 +23,13 @@ fn a_report_begins_with_verdict_error_and_next_command() {
         let mut arguments = vec!["train", "--data", "pairs.npz", "--circle-action", "1,0"];
         arguments.extend(["--recipe", "paper", "--output", output]);
         arguments.extend(more);
-        let told = text(&succeeds(path, &arguments).stdout);
+        let said = text(&succeeds(path, &arguments).stdout);
         let folder = path.join(output.replace(".json", "-report"));
         let report = std::fs::read_to_string(folder.join("report.md")).expect("a report");
         let lines: Vec<_> = report.lines().filter(|line| !line.is_empty()).collect();
         // Name, title, heading.
         assert!(lines[2].starts_with("## "), "{report}");
-        let shown: Vec<_> = told.lines().collect();
+        let shown: Vec<_> = said.lines().collect();
         assert_eq!(lines[3..7], shown[1..5], "{report}");
         assert!(lines[3].starts_with("**") && lines[5].starts_with("**Error**"), "{report}");
         let of_orbits = lines[4].starts_with("The error is that of one step; ");
@@ -69,8 +69,8 @@ fn to_go_on_is_to_do_more_than_the_starts_did() {
     write_data(path);
     let files = ["train", "--data", "pairs.npz", "--circle-action", "1,0", "--output", "m.json"];
     let sizes = ["--kicks", "1x2", "--twists", "1x2", "--iterations", "5", "--starts", "2"];
-    let told = text(&succeeds(path, &[&files[..], &sizes].concat()).stdout);
-    assert!(told.contains("--iterations 80 --resume"), "{told}");
+    let said = text(&succeeds(path, &[&files[..], &sizes].concat()).stdout);
+    assert!(said.contains("--iterations 80 --resume"), "{said}");
 }
 
 /// Who gave a wrong action is sent to find another, and who has few pairs to more of them.
@@ -94,8 +94,8 @@ fn a_wrong_action_and_few_pairs_have_a_next_step() {
         let report: Value = serde_json::from_slice(&report).expect("JSON");
         assert_eq!(report["studies"]["trust"]["next"], next, "{data}");
         let text = std::fs::read_to_string(path.join("m-report/report.md")).expect("a report");
-        let told = text.lines().find(|line| line.starts_with("**Next**")).expect("a next step");
-        assert_eq!(told.contains("--validation 0.1 --overwrite"), next == "hold-out", "{told}");
+        let said = text.lines().find(|line| line.starts_with("**Next**")).expect("a next step");
+        assert_eq!(said.contains("--validation 0.1 --overwrite"), next == "hold-out", "{said}");
         assert!(share != "0" || !text.contains("from held-out point"), "{text}");
         // What a normal form keeps whatever its weights is no evidence.
         assert!(text.contains("this is rounding"), "{text}");
@@ -152,8 +152,8 @@ fn a_report_shows_predictions_orbits_and_errors_by_component() {
                 .expect("one JSON document");
         let errors = &data["studies"]["training"]["models"][0]["component_errors"];
         for (k, rms) in rms.iter().enumerate() {
-            let told = errors[k].as_f64().expect("a number");
-            assert!((told / rms - 1.0).abs() < 1e-6, "{errors}: {rms:e}");
+            let said = errors[k].as_f64().expect("a number");
+            assert!((said / rms - 1.0).abs() < 1e-6, "{errors}: {rms:e}");
         }
         let orbits = csv("orbits.csv");
         for panel in ["plane 1", "plane 2"] {
@@ -171,7 +171,7 @@ fn a_report_shows_predictions_orbits_and_errors_by_component() {
 
 /// ε below 0 among pairs is said.
 #[test]
-fn negative_epsilons_are_told() {
+fn negative_epsilons_are_reported() {
     let folder = folder();
     let path = folder.path();
     let set = |epsilon: f64, samples: usize| {
@@ -189,12 +189,12 @@ fn negative_epsilons_are_told() {
         let report = std::fs::read_to_string(path.join("m-report/report.md")).expect("a report");
         (text(&output.stderr), report)
     };
-    let (told, report) = train(vec![set(0.01, 60), set(-0.02, 40)]);
-    assert!(told.contains("40 of 100 pairs have ε below 0"), "{told}");
-    assert!(told.contains("network's own is -0.02"), "{told}");
+    let (said, report) = train(vec![set(0.01, 60), set(-0.02, 40)]);
+    assert!(said.contains("40 of 100 pairs have ε below 0"), "{said}");
+    assert!(said.contains("network's own is -0.02"), "{said}");
     assert!(report.contains("pairs have ε below 0"), "{report}");
-    let (told, report) = train(vec![set(0.01, 60), set(0.02, 40)]);
-    assert!(!told.contains("below 0") && !report.contains("below 0"), "{told}");
+    let (said, report) = train(vec![set(0.01, 60), set(0.02, 40)]);
+    assert!(!said.contains("below 0") && !report.contains("below 0"), "{said}");
 }
 
 /// No line of a table is longer than a line of the terminal.
@@ -214,19 +214,19 @@ fn tables_fit_the_width_of_the_terminal() {
         {
             let mut command = command(folder, arguments);
             let output = command.env("COLUMNS", width.to_string()).output().expect("starts");
-            let told = text(&output.stdout);
-            assert!(told.contains('─'), "{told}");
+            let said = text(&output.stdout);
+            assert!(said.contains('─'), "{said}");
             // Between the rules of a table.
             let mut rules = 0;
-            for line in told.lines() {
+            for line in said.lines() {
                 let rule = line.starts_with('─');
                 rules += usize::from(rule);
-                assert!(!rule || letters(line) <= width, "{width}: {told}");
+                assert!(!rule || letters(line) <= width, "{width}: {said}");
                 if line.starts_with(' ') {
-                    assert!(letters(line) <= width, "{width}: {told}");
+                    assert!(letters(line) <= width, "{width}: {said}");
                 }
             }
-            assert!(rules >= 3, "{told}");
+            assert!(rules >= 3, "{said}");
         }
     }
     // The list of scenes is no table, and fits as well.

@@ -169,7 +169,7 @@ fn training_is_reproducible_and_resumes() {
     // All starts are as they were: the best of them goes on.
     train("d.json", "60", &["--starts", "3", "--resume"]);
     assert!(read("c.json") == read("d.json"));
-    // Another training touches it only where it is told to, and does not go on with it.
+    // Another training touches it only where it is asked to, and does not go on with it.
     std::fs::copy(&kept, folder.path().join("e.json.checkpoint-start-1")).expect("copied");
     train("e.json", "30", &[]);
     assert!(folder.path().join("e.json.checkpoint-start-1").exists());
@@ -210,14 +210,14 @@ fn ctrl_c_leaves_a_checkpoint() {
             .status()
             .expect("sent");
         assert!(signal.success());
-        let told = BufReader::new(child.stderr.take().expect("piped"))
+        let said = BufReader::new(child.stderr.take().expect("piped"))
             .lines()
             .map_while(Result::ok)
             .last()
             .unwrap_or_default();
-        assert_eq!(child.wait().expect("ends").code(), Some(130), "{action}: {told}");
-        let named = told.contains("--resume") && told.contains("m.json.checkpoint");
-        assert!(named, "{action}: {told}");
+        assert_eq!(child.wait().expect("ends").code(), Some(130), "{action}: {said}");
+        let named = said.contains("--resume") && said.contains("m.json.checkpoint");
+        assert!(named, "{action}: {said}");
         let load = || gyroceptron::io::load_checkpoint(&checkpoint).expect("a checkpoint");
         let reached = load().last().iteration;
         let more = (reached + 3).to_string();
@@ -270,7 +270,7 @@ starts = { count = 2, iterations = 3 }
 }
 
 #[test]
-fn output_folders_are_not_overwritten_unless_told_so() {
+fn output_folders_are_only_overwritten_on_request() {
     let folder = with_scene("small.toml", SCENE);
     let path = folder.path();
     succeeds(path, &["small.toml", "--out", "o"]);

@@ -164,10 +164,10 @@ fn error_against_run_time_is_reported() {
         let best = AtError::fastest(&judged, error).expect("an integrator as accurate");
         let winner =
             format!("{} with {} step", best.method.name, best.method.setting.expect("some"));
-        let told = report.lines().any(|line| {
+        let said = report.lines().any(|line| {
             line.starts_with("- `gyroceptron` errs by") && line.contains(&format!(": {winner}"))
         });
-        assert!(told, "{winner}");
+        assert!(said, "{winner}");
     }
     for words in [
         "errs by",

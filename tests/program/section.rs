@@ -192,7 +192,7 @@ fn a_section_is_charted_and_its_points_are_predicted() {
 
 /// `train` says so of another density than that of the pairs, and of pairs without one.
 #[test]
-fn pairs_that_keep_no_area_are_told() {
+fn pairs_that_keep_no_area_are_reported() {
     let folder = folder();
     let folder = folder.path();
     write_files(folder);
@@ -496,9 +496,9 @@ weights = { kind = "normal", scale = 0.15 }
         let errors = own.iter().zip(&truth).skip(2 * lines + k).step_by(2);
         let squares: f64 = errors.map(|(a, b)| (a - b) * (a - b)).sum();
         let rms = (squares / (50 * lines) as f64).sqrt();
-        let told = data["studies"]["rollout"]["component_errors"][0]["rms"][k].as_f64();
-        let told = told.expect("a number");
-        assert!((told / rms - 1.0).abs() < 1e-9 && rms < 0.1, "{told:e} {rms:e}");
+        let said = data["studies"]["rollout"]["component_errors"][0]["rms"][k].as_f64();
+        let said = said.expect("a number");
+        assert!((said / rms - 1.0).abs() < 1e-9 && rms < 0.1, "{said:e} {rms:e}");
     }
 
     // Without the section the pairs keep no area, which counts against long orbits.

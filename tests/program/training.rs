@@ -72,9 +72,9 @@ fn train_verify_predict_export_and_import() {
     }
 }
 
-/// Interleaved columns, and a circle action of the wrong plane, are told from the rotation.
+/// Interleaved columns, and a circle action of the wrong plane, are recognised by the rotation.
 #[test]
-fn columns_and_actions_that_do_not_fit_are_told() {
+fn columns_and_actions_that_do_not_fit_are_reported() {
     let folder = folder();
     let path = folder.path();
     write_data(path);
@@ -92,14 +92,14 @@ fn columns_and_actions_that_do_not_fit_are_told() {
         text(&succeeds(path, &arguments).stderr)
     };
     assert!(!train("pairs.npz", "1,0").contains("better"));
-    let told = train("pairs.npz", "0,1");
-    assert!(told.contains("q1 q2 p1 p2") && told.contains("1,0"), "{told}");
+    let said = train("pairs.npz", "0,1");
+    assert!(said.contains("q1 q2 p1 p2") && said.contains("1,0"), "{said}");
     let pairs = read_pairs(&path.join("pairs.npz")).expect("pairs").pairs;
     // q₁ p₁ q₂ p₂.
     let interleaved = pairs.with_columns(&[0, 2, 1, 3]);
     write_pairs(&path.join("interleaved.npz"), &interleaved).expect("written");
-    let told = train("interleaved.npz", "1,0");
-    assert!(told.contains("q1 p1 q2 p2") && told.contains("1,0"), "{told}");
+    let said = train("interleaved.npz", "1,0");
+    assert!(said.contains("q1 p1 q2 p2") && said.contains("1,0"), "{said}");
     assert_eq!(interleaved.with_columns(&[0, 2, 1, 3]).input(), pairs.input());
     // Momenta first turn the other way, and are as good.
     write_pairs(&path.join("p-first.npz"), &pairs.with_columns(&[2, 3, 0, 1])).expect("written");
@@ -120,8 +120,8 @@ fn units_are_fitted_and_undone() {
         text(&succeeds(path, &arguments).stderr)
     };
     assert!(!train("pairs.npz", "plain.json", &[]).contains("units"));
-    let told = train("large.npz", "large.json", &[]);
-    assert!(told.contains("1.2800e2, 1.2800e2, 1.2800e2, 1.2800e2"), "{told}");
+    let said = train("large.npz", "large.json", &[]);
+    assert!(said.contains("1.2800e2, 1.2800e2, 1.2800e2, 1.2800e2"), "{said}");
     assert!(!train("large.npz", "raw.json", &["--units", "data"]).contains("units"));
     let [plain, scaled, raw] = ["plain.json", "large.json", "raw.json"]
         .map(|name| load_model(&path.join(name)).expect("a model"));
@@ -150,8 +150,8 @@ fn units_are_fitted_and_undone() {
     let predict = |model: &str, input: &str, output: &str| {
         let mut arguments = vec!["predict", "--model", model, "--input", input, "--output", output];
         arguments.extend(["--steps", "10", "--invariant", "mu.npy", "--overwrite"]);
-        let told = text(&succeeds(path, &arguments).stderr);
-        assert!(!told.contains("outside"), "{told}");
+        let said = text(&succeeds(path, &arguments).stderr);
+        assert!(!said.contains("outside"), "{said}");
         let numbers = |file: &str, count: usize| last_numbers(&path.join(file), count);
         (numbers(output, 44), numbers("mu.npy", 11))
     };
@@ -222,8 +222,8 @@ fn a_nearly_integrable_map_is_trained() {
     succeeds(path, &weights);
     let import = ["import", "--weights", "w.npz", "--circle-action", "1,0", "--epsilon", "0.01"];
     let back = [&import[..], &["--flow-time", "1", "--output", "back.json"]].concat();
-    let told = text(&succeeds(path, &back).stdout);
-    assert!(told.contains("perturbation 2 turned kicks"), "{told}");
+    let said = text(&succeeds(path, &back).stdout);
+    assert!(said.contains("perturbation 2 turned kicks"), "{said}");
     let back = load_model(&path.join("back.json")).expect("a model").model;
     assert_eq!(widths(back.architecture().clone()), Some(vec![3, 3]));
     // An integrable map of order one is not taken for one that ε scales.
@@ -246,7 +246,7 @@ fn a_nearly_integrable_map_is_trained() {
     refuses(path, &[&start[..], &form].concat(), &["--perturbation"]);
 }
 
-/// A circle action that nobody told.
+/// A circle action that nobody stated.
 #[test]
 fn a_circle_action_is_chosen() {
     let folder = folder();
@@ -254,8 +254,8 @@ fn a_circle_action_is_chosen() {
     write_data(path);
     let auto = ["train", "--data", "pairs.npz", "--circle-action", "auto", "--iterations", "3"];
     let output = succeeds(path, &[&auto[..], &SMALL, &["--output", "model.json"]].concat());
-    let told = text(&output.stderr);
-    assert!(told.contains("circle action 1,0"), "{told}");
+    let said = text(&output.stderr);
+    assert!(said.contains("circle action 1,0"), "{said}");
     let model = load_model(&path.join("model.json")).expect("a model").model;
     assert_eq!(model.architecture().circles[0].weights(), [1, 0]);
     let report = std::fs::read_to_string(path.join("model-report/report.md")).expect("a report");
@@ -279,14 +279,14 @@ fn a_report_says_whether_to_trust_the_model() {
         let mut arguments = vec!["train", "--data", "pairs.npz", "--circle-action", "1,0"];
         arguments.extend(["--output", output]);
         arguments.extend(more);
-        let told = text(&succeeds(path, &arguments).stdout);
+        let said = text(&succeeds(path, &arguments).stdout);
         let folder = path.join(output.replace(".json", "-report"));
         let report = std::fs::read_to_string(folder.join("report.md")).expect("a report");
         let data = std::fs::read(folder.join("report.json")).expect("data");
         let data: Value = serde_json::from_slice(&data).expect("one JSON document");
         let first = report.split("## ").nth(1).expect("a section").to_owned();
         assert!(first.starts_with("Whether to trust it"), "{report}");
-        assert!(told.contains("Whether to trust it"), "{told}");
+        assert!(said.contains("Whether to trust it"), "{said}");
         (first, data["studies"]["trust"].clone())
     };
     let (text, data) = train("none.json", &["--recipe", "paper", "--iterations", "1"]);
@@ -326,7 +326,7 @@ fn a_report_says_whether_to_trust_the_model() {
 
 /// A model of polynomials knows where their box ends, whatever points it was trained on.
 #[test]
-fn trajectories_that_leave_the_box_of_polynomials_are_told() {
+fn trajectories_that_leave_the_box_of_polynomials_are_reported() {
     let folder = with_model();
     let path = folder.path();
     let sizes = ["--kicks", "2x2^4", "--twists", "2x2^3", "--circle-action", "1,0"];
@@ -340,8 +340,8 @@ fn trajectories_that_leave_the_box_of_polynomials_are_told() {
     )
     .expect("JSON");
     assert!(report.to_string().contains("\"reach\":"), "{report}");
-    let told = std::fs::read_to_string(path.join("poly-report/report.md")).expect("a report");
-    assert!(told.contains("of their box"), "{told}");
+    let said = std::fs::read_to_string(path.join("poly-report/report.md")).expect("a report");
+    assert!(said.contains("of their box"), "{said}");
     let far = [0.1, 0.1, 0.1, 0.1, 0.1, 40.0, 0.1, 0.1];
     write_points(&path.join("far.npy"), &[2, 4], &far).expect("written");
     let predict = |output: &str, more: &[&str]| {
@@ -349,11 +349,11 @@ fn trajectories_that_leave_the_box_of_polynomials_are_told() {
         call(path, &[&arguments[..], &["--output", output], more].concat())
     };
     let output = predict("t.npy", &["--json"]);
-    let told = text(&output.stderr);
-    assert_eq!(output.status.code(), Some(0), "{told}");
+    let said = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{said}");
     assert!(
-        told.contains("the box of the model's polynomials") && told.contains("rows 1,"),
-        "{told}"
+        said.contains("the box of the model's polynomials") && said.contains("rows 1,"),
+        "{said}"
     );
     let json: Value = serde_json::from_slice(&output.stdout).expect("one JSON document");
     let beyond = &json["outside_polynomials"];
@@ -372,9 +372,9 @@ fn trajectories_that_leave_the_box_of_polynomials_are_told() {
     write_points(&path.join("far.npy"), &[2, 4], &far).expect("written");
     for (file, outside) in [("w.npy", "warn"), ("i.npy", "ignore")] {
         let output = predict(file, &["--outside", outside, "--overwrite"]);
-        let told = text(&output.stderr);
-        assert_eq!(output.status.code(), Some(0), "{told}");
-        assert_eq!(told.contains("rows 1,"), outside == "warn", "{told}");
+        let said = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(0), "{said}");
+        assert_eq!(said.contains("rows 1,"), outside == "warn", "{said}");
         let states = last_numbers(&path.join(file), 8);
         assert!(states[..4].iter().all(|v| v.is_finite()), "{states:?}");
         assert!(states[4..].iter().all(|v| v.is_nan()), "{states:?}");
@@ -395,9 +395,9 @@ fn trajectories_that_leave_the_box_of_polynomials_are_told() {
     refuses(path, &[&train[..], &boxless, &["--output", "n.json"]].concat(), &["radius", "0"]);
 }
 
-/// A model knows where it was trained: what leaves that box is told, or stops the command.
+/// A model knows where it was trained: what leaves that box is reported, or stops the command.
 #[test]
-fn trajectories_that_leave_the_training_points_are_told() {
+fn trajectories_that_leave_the_training_points_are_reported() {
     let folder = with_model();
     let path = folder.path();
     let stored = load_model(&path.join("model.json")).expect("a model");
@@ -423,9 +423,9 @@ fn trajectories_that_leave_the_training_points_are_told() {
     let output = predict("t.npy", &["--json", "--invariant", "mu.npy"]);
     assert_eq!(std::fs::read(path.join("t.npy.probe")).expect("kept"), b"mine");
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
-    let told = text(&output.stderr);
+    let said = text(&output.stderr);
     for words in ["of 9 kept states", "1 trajectory", "rows 1,", "row 1", "at the start: p2 = "] {
-        assert!(told.contains(words), "{words}: {told}");
+        assert!(said.contains(words), "{words}: {said}");
     }
     let json: Value = serde_json::from_slice(&output.stdout).expect("one JSON document");
     assert_eq!(
@@ -537,9 +537,9 @@ fn training_offers_networks_and_optimisers_and_reports() {
         for name in ["report.md", "report.json", "loss.svg", "loss.csv", "as-run.toml"] {
             assert!(report.join(name).exists(), "{name}");
         }
-        let told = std::fs::read_to_string(report.join("report.md")).expect("a report");
+        let said = std::fs::read_to_string(report.join("report.md")).expect("a report");
         // The command that it tells does the same again.
-        let line = told.lines().find(|line| line.starts_with("`gyroceptron train")).expect("told");
+        let line = said.lines().find(|line| line.starts_with("`gyroceptron train")).expect("said");
         let line = line.split('`').nth(1).expect("a command");
         let again = format!("again{number}.json");
         let line = line
@@ -550,7 +550,7 @@ fn training_offers_networks_and_optimisers_and_reports() {
             serde_json::from_slice(&std::fs::read(path.join(&again)).expect("a model"))
                 .expect("JSON");
         assert_eq!(again["parameters"], model["parameters"], "{kind}");
-        // Nothing is replaced unless told so.
+        // Nothing is replaced unless asked.
         let second = with(
             &[more, &["--output", "other.json", "--report", &format!("m{number}-report")]].concat(),
         );
@@ -649,8 +649,8 @@ fn trajectories_are_compared_with_those_of_a_file() {
     }
     write_points(&path.join("off.npy"), &[5, 3, 4], &values).expect("written");
     let output = go(predict("y.npy", &["--compare", "off.npy", "--json"]));
-    let told: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
-    let rows = told["compared"].as_array().expect("rows");
+    let said: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    let rows = said["compared"].as_array().expect("rows");
     assert_eq!(rows.len(), 5);
     for (index, row) in rows.iter().enumerate() {
         let number = |key: &str| row[key].as_f64().expect("a number");

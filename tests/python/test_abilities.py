@@ -64,10 +64,10 @@ class Calls:
     def train(self, **more):
         """The model of Python, and its warnings."""
         keywords = {k: self.value(v) for k, v in (self.keywords | more).items() if v is not False}
-        with warnings.catch_warnings(record=True) as told:
+        with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always")
             model = gyroceptron.train(self.arrays["input"], self.arrays["output"], **keywords)
-        return model, [str(warning.message) for warning in told]
+        return model, [str(warning.message) for warning in said]
 
 
 def bytes_of(model):
@@ -90,7 +90,7 @@ def of_effect(*effects):
 
 @of_effect("parameters", "model", "note", "stop", "report")
 def test_python_gives_what_the_program_gives(calls):
-    expected, lines, told = calls.program()
+    expected, lines, said = calls.program()
     # The report is where the program's was.
     if "report" in calls.keywords:
         pathlib.Path(calls.keywords["report"]).rename("of-program")
@@ -107,7 +107,7 @@ def test_python_gives_what_the_program_gives(calls):
     report = pathlib.Path("of-program" if "report" in calls.keywords else "program-report")
     last = json.loads((report / "report.json").read_text())["studies"]["training"]["models"][0]["last"]
     assert model.history[-1]["iteration"] == last["iteration"]
-    assert told["best"]["validation"] == model.validation
+    assert said["best"]["validation"] == model.validation
     if "report" in calls.keywords:
         own = pathlib.Path(calls.keywords["report"])
         assert {path.name for path in own.iterdir()} == {path.name for path in report.iterdir()}

@@ -149,16 +149,16 @@ def test_planes_are_weighed(pairs):
 
 
 def test_a_callback_follows_stops_and_raises(tmp_path, pairs):
-    told = []
+    said = []
     report = tmp_path / "report"
     model = gyroceptron.train(
         *pairs, [1, 0], recipe="paper", iterations=30, seed=1, report=report,
-        callback=lambda stage, iteration, loss, held_out: told.append((stage, iteration, loss, held_out)),
+        callback=lambda stage, iteration, loss, held_out: said.append((stage, iteration, loss, held_out)),
     )
-    iterations = [iteration for _, iteration, _, _ in told]
+    iterations = [iteration for _, iteration, _, _ in said]
     assert iterations == sorted(set(iterations)) and iterations[-1] == 30
-    assert told[-1][0] == "training" and told[-1][3] is not None
-    assert told[-1][2] < told[0][2]
+    assert said[-1][0] == "training" and said[-1][3] is not None
+    assert said[-1][2] < said[0][2]
     assert "Whether to trust it" in (report / "report.md").read_text()
     data = json.loads((report / "report.json").read_text())
     assert data["studies"]["training"]["models"][0]["parameters"] == len(model.parameters)
@@ -167,29 +167,29 @@ def test_a_callback_follows_stops_and_raises(tmp_path, pairs):
         calls = []
         with pytest.raises(gyroceptron.Error, match=taken.name):
             gyroceptron.train(
-                *pairs, [1, 0], recipe="paper", iterations=1, report=taken, callback=lambda *told: calls.append(told)
+                *pairs, [1, 0], recipe="paper", iterations=1, report=taken, callback=lambda *said: calls.append(said)
             )
         assert not calls
 
     for nothing in (None, 0, "", np.float64(0)):
         goes_on = gyroceptron.train(
-            *pairs, [1, 0], recipe="paper", iterations=3, callback=lambda *told, nothing=nothing: nothing
+            *pairs, [1, 0], recipe="paper", iterations=3, callback=lambda *said, nothing=nothing: nothing
         )
         assert goes_on.history[-1]["iteration"] == 3, nothing
-    stopped = gyroceptron.train(*pairs, [1, 0], recipe="paper", iterations=1000, callback=lambda *told: np.bool_(False))
+    stopped = gyroceptron.train(*pairs, [1, 0], recipe="paper", iterations=1000, callback=lambda *said: np.bool_(False))
     assert stopped.history[-1]["iteration"] <= 1
-    stopped = gyroceptron.train(*pairs, [1, 0], recipe="paper", iterations=1000, callback=lambda *told: told[1] < 5)
+    stopped = gyroceptron.train(*pairs, [1, 0], recipe="paper", iterations=1000, callback=lambda *said: said[1] < 5)
     assert stopped.validation > 0 and len(stopped.parameters) == len(model.parameters)
 
     # Also where it says so at the end of a stage, and only once.
-    told = []
+    said = []
 
     def stops_a_start(stage, iteration, *_):
-        told.append((stage, iteration))
+        said.append((stage, iteration))
         return iteration < 40
 
     gyroceptron.train(*pairs, [1, 0], recipe="paper", iterations=1000, starts=3, callback=stops_a_start)
-    assert [iteration for _, iteration in told] == list(range(1, 41))
+    assert [iteration for _, iteration in said] == list(range(1, 41))
 
     def fails(*_):
         raise ZeroDivisionError("mine")
@@ -217,13 +217,13 @@ def test_other_threads_go_on_meanwhile(pairs, model):
     assert during > 20
 
 
-def test_what_leaves_the_box_is_told(pairs, model):
+def test_what_leaves_the_box_is_reported(pairs, model):
     far = np.array([[0.1, 0.1, 0.1, 9.0]])
     with pytest.warns(UserWarning, match="p2 = 9.000e0"):
         model.predict(far)
-    with pytest.raises(gyroceptron.Error, match="outside the box") as told:
+    with pytest.raises(gyroceptron.Error, match="outside the box") as said:
         model.predict(far, outside="stop")
-    assert "rows 0," in str(told.value)
+    assert "rows 0," in str(said.value)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         model.predict(far, outside="ignore")

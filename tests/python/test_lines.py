@@ -137,7 +137,7 @@ def test_manifolds_and_chaos_of_a_model():
     other = model.manifold([0.01, 0.0], forward=False, **short)
     assert np.dot(out[-1] - fixed, other[-1] - fixed) < 0
     assert 0 <= model.alignment_index(fixed, 40) < 1e-12
-    # An orbit that polynomials send to infinity is lost alone, and is told.
+    # An orbit that polynomials send to infinity is lost alone, and is reported.
     with warnings.catch_warnings(record=True) as found:
         warnings.simplefilter("always")
         far = model.predict([[0.1, 0.1], [1e200, 0.0]], 3)
@@ -476,7 +476,7 @@ def test_a_symplectic_polynomial_is_fitted_in_the_chart_of_a_section(lines, tmp_
         gyroceptron.SymplecticPolynomial(before, after, 9, section=tmp_path / "missing.npz")
 
 
-def test_orbits_that_a_polynomial_loses_are_told():
+def test_orbits_that_a_polynomial_loses_are_reported():
     """Between states that are kept, too; and starts outside of a box have not survived."""
     angle = 2 * np.pi * 0.2114
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])

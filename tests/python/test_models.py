@@ -64,10 +64,10 @@ def test_parameters_cannot_be_written_to(model):
 
 
 def test_what_a_training_tells_stays_with_its_model(tmp_path, pairs, model):
-    told = []
+    said = []
     report = tmp_path / "report"
-    own = small(pairs, report=report, callback=lambda *record: told.append(record[1:]))
-    assert [tuple(record.values()) for record in own.history][-len(told):] == told
+    own = small(pairs, report=report, callback=lambda *record: said.append(record[1:]))
+    assert [tuple(record.values()) for record in own.history][-len(said):] == said
     assert list(own.history[0]) == ["iteration", "loss", "held_out"]
     assert own.history[0]["iteration"] == 0 and own.history[-1]["iteration"] == 30
     assert min(r["held_out"] for r in own.history if r["held_out"] is not None) >= own.validation

@@ -67,16 +67,16 @@ def whole(tmp_path_factory):
 
 
 def test_a_run_gives_its_report(scene, tmp_path, program):
-    told = []
-    report = gyroceptron.run(scene, tmp_path / "out", callback=lambda *words: told.append(words))
+    said = []
+    report = gyroceptron.run(scene, tmp_path / "out", callback=lambda *words: said.append(words))
     assert report.holds is True
     assert report.data["scene"]["name"] == "small"
     assert "holds" in repr(report) and "small" in repr(report)
     page = report._repr_html_()
     assert page.startswith("<iframe srcdoc=") and page.count("<iframe") == 1 and "&lt;html" in page
-    names = [name for name, *numbers in told if numbers == [None] * 3]
+    names = [name for name, *numbers in said if numbers == [None] * 3]
     assert "training gyroceptron-seed-2" in names and names[-1] == "report"
-    iterations = [words[1] for words in told if words[0] == "gyroceptron"]
+    iterations = [words[1] for words in said if words[0] == "gyroceptron"]
     assert iterations == list(range(1, 61))
     program("run", scene, "--out", tmp_path / "program")
     assert (tmp_path / "program/report.json").read_bytes() == (tmp_path / "out/report.json").read_bytes()
@@ -175,11 +175,11 @@ def workers_of(count, **options):
 def test_any_number_of_workers_gives_the_same_bytes(count, tmp_path, whole):
     scene, expected = whole(60)
     with workers_of(count) as cluster, distributed.Client(cluster) as client:
-        told = []
-        report = gyroceptron.run(scene, tmp_path / "out", client=client, callback=lambda *w: told.append(w[0]))
+        said = []
+        report = gyroceptron.run(scene, tmp_path / "out", client=client, callback=lambda *w: said.append(w[0]))
         assert report.holds
         assert (tmp_path / "out/report.json").read_bytes() == expected
-        assert {f"job train-gyroceptron{s} is done" for s in ("", "-seed-2", "-seed-3")} <= set(told)
+        assert {f"job train-gyroceptron{s} is done" for s in ("", "-seed-2", "-seed-3")} <= set(said)
         # Of what is done nothing is done again.
         stamp = (tmp_path / "out/report.json").stat().st_mtime_ns
         gyroceptron.run(scene, tmp_path / "out", client=client)

@@ -41,7 +41,7 @@ def test_a_section_is_charted(tmp_path):
         model.predict(np.array([2.0, 0.0]), 1)
 
 
-def test_another_density_is_told(tmp_path):
+def test_another_density_is_reported(tmp_path):
     path = tmp_path / "density.npz"
     write_section(path, lambda x, y: np.ones_like(x))
     before, after = pairs()

@@ -500,7 +500,7 @@ initial = [[0.7, 0.1, 0.0, 0.2], [0.2, 0.6, 0.0, 0.0]]
 "#;
 
 #[test]
-fn own_invariants_are_told_by_their_orders() {
+fn own_invariants_are_recognised_by_their_orders() {
     let folder = temporary();
     let report = run_in(folder.path(), &parse("own", OWN).expect("a scene"));
     let found = &report.study("own_invariant").expect("a study").results.data;

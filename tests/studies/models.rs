@@ -78,8 +78,8 @@ fn weights_of_a_file_stand_beside_trained_ones() {
     let text = std::fs::read_to_string(second.path().join("report.md")).expect("a report");
     assert!(text.contains("The invariant 𝔍₀∘ψ⁻¹ of `published` moves by up to"));
     assert!(gone.complete().is_ok());
-    let told = gone.check_networks(second.path()).expect_err("no file").to_string();
-    assert!(told.contains("models.published") && told.contains("gone.npz"), "{told}");
+    let said = gone.check_networks(second.path()).expect_err("no file").to_string();
+    assert!(said.contains("models.published") && said.contains("gone.npz"), "{said}");
 
     // A second file is for none.
     assert!(!scene.with_weights(Path::new("gone.npz")).1);
@@ -146,9 +146,9 @@ weights = { kind = "normal", scale = 0.15 }
         let other = text.replace(from, to);
         assert!(text != other);
         let scene = parse("other", &other).and_then(|s| s.with_files_from(kept.path()));
-        let told = failed_in(temporary().path(), &scene.expect("a scene"));
-        assert!(told.contains("models.") && told.contains(".json"), "{told}");
-        assert!(words.iter().all(|word| told.contains(word)), "{told}");
+        let said = failed_in(temporary().path(), &scene.expect("a scene"));
+        assert!(said.contains("models.") && said.contains(".json"), "{said}");
+        assert!(words.iter().all(|word| said.contains(word)), "{said}");
     };
     with("epsilon = 0.01", "epsilon = 0.02", &["a model of ε = 0.02", "0.01"]);
     with("flow_time = 0.5", "flow_time = 0.25", &["a model of flow time 0.25", "0.5"]);
@@ -166,8 +166,8 @@ weights = { kind = "normal", scale = 0.15 }
         .expect("written");
     with("normal.json", "ours.json", &["a model of 2 degrees of freedom", "3"]);
     // A run there would remove or replace it.
-    let told = failed_in(kept.path(), &scene);
-    assert!(told.contains("a file outside of"), "{told}");
+    let said = failed_in(kept.path(), &scene);
+    assert!(said.contains("a file outside of"), "{said}");
     assert!(!kept.path().join("as-run.toml").exists());
 }
 

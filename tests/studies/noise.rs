@@ -41,7 +41,7 @@ initial = [[0.7, 0.1, 0.0, 0.2], [0.2, 0.6, 0.0, 0.0]]
 "#;
 
 #[test]
-fn noise_and_gaps_are_told() {
+fn noise_and_gaps_are_reported() {
     let folder = temporary();
     let network = "network = { kind = \"henon-net\"";
     let scene = NOISE.replace(network, &format!("seeds = 2\n{network}"));

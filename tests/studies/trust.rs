@@ -10,7 +10,7 @@ use gyroceptron::train::{Limit, TrainingRecord};
 use std::path::Path;
 
 #[test]
-fn what_limits_is_told_from_the_losses() {
+fn what_limits_is_read_from_the_losses() {
     let record = |iteration, loss| TrainingRecord {
         iteration,
         evaluations: 0,

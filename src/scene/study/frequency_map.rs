@@ -155,7 +155,7 @@ struct Orbit {
     tunes: [f64; 2],
     /// The largest change of a tune from the first half of the orbit to the second.
     change: f64,
-    /// Whether each plane moves by a share of the other that lets its own tune be told from that of the other.
+    /// Whether each plane moves by a share of the other that lets its own tune be distinguished from that of the other.
     #[serde(skip)]
     both_move: bool,
     /// The tunes of the map without its perturbation K_ε, by its twists alone; of nearly-integrable maps.
