@@ -421,7 +421,10 @@ fn lists_that_cannot_be_are_refused() {
     );
     let wide = Architecture::new(3).on_circle(CircleAction::new([1, 0])).with(psi());
     refuses(wide, &["circle action", "3", "2"]);
-    refuses(on_circle().with(psi()).with(psi()), &["`conjugation` twice", "block 1"]);
+    refuses(
+        on_circle().with(psi()).with(psi()),
+        &["block 1 (`conjugation`)", "name", "that of block 0"],
+    );
     refuses(on_circle().with(psi()).with(near.clone().named("")), &["block 1", "name"]);
     refuses(on_circle().with(psi().named("a/b")), &["a/b", "letters"]);
     refuses(
@@ -452,6 +455,14 @@ fn lists_that_cannot_be_are_refused() {
     let Err(Error::Block { number: 1, name, reason }) = empty.check() else { panic!("no block") };
     assert_eq!(name, "chart");
     assert!(matches!(*reason, Error::Invalid { ref name, .. } if name == "layers"), "{reason}");
+    for (name, number, word) in [("psi", 1, "block 0"), ("", 0, "none, of 2")] {
+        let blocks = [psi().named(name), Block::new(Part::Chart, henon(&[2])).named(name)];
+        let of = blocks.into_iter().fold(on_circle(), Architecture::with);
+        let Err(Error::Block { number: found, reason, .. }) = of.check() else { panic!("{name}") };
+        assert_eq!(found, number);
+        let Error::Invalid { name, value, .. } = *reason else { panic!("{reason}") };
+        assert!(name == "name" && value.contains(word), "{name}: {value}");
+    }
     let boxless =
         on_circle().with(psi()).with(Block::new(Part::Chart, henon(&[2])).of_polynomials(3));
     let count = boxless.parameter_count();

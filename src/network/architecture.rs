@@ -385,13 +385,12 @@ impl Architecture {
         for (number, block) in self.blocks.iter().enumerate() {
             let place = |e: Error| e.in_block(number, &block.name);
             block.check(of, self.has_circle()).map_err(place)?;
-            if self.blocks[..number].iter().any(|other| other.name == block.name) {
-                let found = format!("`{}` twice (block {number})", block.name);
-                return Err(Error::invalid("names of blocks", found, "a name for each"));
+            let unnamed = |found: String| place(Error::invalid("name", found, "a name for each"));
+            if let Some(other) = self.blocks[..number].iter().position(|of| of.name == block.name) {
+                return Err(unnamed(format!("that of block {other}")));
             }
             if block.name.is_empty() && self.blocks.len() > 1 {
-                let found = format!("block {number} of {} without one", self.blocks.len());
-                return Err(Error::invalid("names of blocks", found, "a name for each"));
+                return Err(unnamed(format!("none, of {} blocks", self.blocks.len())));
             }
         }
         let mut near_identity = self.part(Part::NearIdentity);
