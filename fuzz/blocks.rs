@@ -474,7 +474,7 @@ fn faults(architecture: &Architecture) -> Vec<Vec<String>> {
         }
     }
     let count = all_parameters(architecture);
-    fault(count > MOST_PARAMETERS, &[&"parameters of the architecture"]);
+    fault(count > MOST_PARAMETERS, &[&"parameters"]);
     let first = |part: Part| blocks.iter().find(|block| block.part == part);
     for (number, block) in blocks.iter().enumerate() {
         let Block { name, part, scale, layers, ridges } = block;

@@ -7,7 +7,6 @@ fn finish(hash: Sha256) -> String {
 }
 
 /// The digest of bytes, in hexadecimal.
-#[cfg(feature = "files")]
 pub(crate) fn of_bytes(bytes: &[u8]) -> String {
     finish(Sha256::new_with_prefix(bytes))
 }

@@ -24,7 +24,7 @@ fn tracked(values: &[f64]) -> Vec<Tracked> {
     values.iter().map(|&v| Tracked::exact(v)).collect()
 }
 
-/// Two computations of the same thing, each with its rounding bound.
+/// Two computations of the same thing, each with its rounding scale.
 fn largest_ratio(a: &[Tracked], b: &[Tracked]) -> f64 {
     let mut largest = 0.0;
     for (a, b) in a.iter().zip(b) {

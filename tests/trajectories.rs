@@ -411,7 +411,7 @@ fn boxes_are_around_points_and_left_where_they_end() {
     // Three states of two points, one state in ten: the second point leaves twice, p first.
     let values = [0.0, 3.0, 0.0, 3.0, 0.0, 3.0, 0.5, 4.0, 0.0, 3.0, 7.0, 5.0];
     let left = region.left_by(&values, 2, 10).expect("left");
-    assert_eq!((left.rows, left.states, left.of), (vec![1], 2, 6));
+    assert_eq!((left.rows, left.states, left.kept), (vec![1], 2, 6));
     assert_eq!((left.row, left.step, left.first.coordinate, left.first.value), (1, 10, 1, 4.0));
 }
 

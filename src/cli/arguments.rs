@@ -361,9 +361,10 @@ pub struct Train {
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub starts: Option<i64>,
     /// Stages before the training, of pairs with flow times of their own: the flow time and the
-    /// iterations of each, such as 5x100,20x100; or of polynomials of lower degrees, such as
-    /// ^4x50,^8x50.
-    #[arg(long, value_name = "TIME[^DEGREE]xITERATIONS,…")]
+    /// iterations of each, such as 5x100,20x100. After the flow time or in its place: @EPSILON, of
+    /// pairs of this ε; /REPEATS, of the first third of the twists, which are then repeated three
+    /// times, with 3; ^DEGREE, of polynomials of this degree, such as ^4x50,^8x50.
+    #[arg(long, value_name = "TIME[@EPSILON][/REPEATS][^DEGREE]xITERATIONS,…")]
     pub ramp: Option<String>,
     /// What is added to the loss: so many times the mean square of I_ε(z) − z, or of χ∘K_ε∘χ⁻¹(z) − z of a map with a
     /// perturbation.
@@ -709,27 +710,39 @@ pub fn circle_action(text: &str) -> Result<TorusAction, Error> {
     TorusAction::new(circles).map_err(|e| e.with_place("--circle-action"))
 }
 
-/// `5x100,20x100`, or `^4x50,^8x50`, as stages of a ramp.
+/// `5x100,20x100`, `@0.1x100`, `5/3x100` or `^4x50,^8x50` as stages of a ramp.
 pub fn ramp(name: &str, text: &str) -> Result<Vec<RampStage>, Error> {
+    const MARKS: [char; 3] = ['@', '/', '^'];
     let stage = |text: &str| {
-        let (place, iterations) = text.split_once('x')?;
-        let (time, degree) = match place.split_once('^') {
-            None => (Some(place), None),
-            Some((time, degree)) => {
-                let time = Some(time.trim()).filter(|time| !time.is_empty());
-                (time, Some(degree.trim().parse().ok()?))
-            }
-        };
-        Some(RampStage {
-            flow_time: time.map(|time| time.trim().parse()).transpose().ok()?,
+        let (place, iterations) = text.rsplit_once('x')?;
+        let (time, mut rest) = place.split_at(place.find(MARKS).unwrap_or(place.len()));
+        if place.trim().is_empty() {
+            return None;
+        }
+        let time = Some(time.trim()).filter(|time| !time.is_empty());
+        let mut stage = RampStage {
+            flow_time: time.map(str::parse).transpose().ok()?,
             epsilon: None,
             repeats: None,
-            degree,
+            degree: None,
             iterations: iterations.trim().parse().ok()?,
-        })
+        };
+        while let Some(mark) = rest.chars().next() {
+            let own = &rest[1..];
+            let (value, next) = own.split_at(own.find(MARKS).unwrap_or(own.len()));
+            let value = value.trim();
+            match mark {
+                '@' if stage.epsilon.is_none() => stage.epsilon = Some(value.parse().ok()?),
+                '/' if stage.repeats.is_none() => stage.repeats = Some(value.parse().ok()?),
+                '^' if stage.degree.is_none() => stage.degree = Some(value.parse().ok()?),
+                _ => return None,
+            }
+            rest = next;
+        }
+        Some(stage)
     };
-    let expected = "flow times, or degrees of polynomials, and iterations, such as 5x100,20x100 or \
-                    ^4x50,^8x50";
+    let expected = "flow times and iterations, such as 5x100,20x100, with @EPSILON, /REPEATS or ^DEGREE after \
+                    the flow time or in its place, such as 5/3x100 or ^4x50,^8x50";
     text.split(',')
         .map(|text| stage(text).ok_or_else(|| Error::invalid(name, text, expected)))
         .collect()

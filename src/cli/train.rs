@@ -192,17 +192,6 @@ impl TrainingObserver for Training<'_> {
     }
 }
 
-/// Whether the model is of this training, which has ended by itself and left no checkpoint.
-fn is_finished(arguments: &Train, problem: &Problem) -> bool {
-    load_model(&arguments.output).is_ok_and(|stored| {
-        let provenance = &stored.provenance;
-        provenance.seed == Some(arguments.seed)
-            && provenance.data.as_deref() == Some(&problem.digest)
-            && *stored.model.architecture() == problem.architecture
-            && stored.section == problem.section
-    })
-}
-
 /// The model and the report of a training that is not gone on with stay as they are.
 fn tell_finished(arguments: &Train, report_folder: &Path) -> Result<Status, Error> {
     let model = arguments.output.display();
@@ -301,8 +290,8 @@ pub fn train_pairs(arguments: &Train) -> Result<Status, Error> {
         // stages.
         checkpoints.remove()?;
     }
-    if arguments.resume && !checkpoints.exist(&problem.training) && is_finished(arguments, &problem)
-    {
+    let is_made = || load_model(&arguments.output).is_ok_and(|stored| stored.is_of(&problem));
+    if arguments.resume && !checkpoints.exist(&problem.training) && is_made() {
         return tell_finished(arguments, &report_folder);
     }
     checkpoints.check(&problem.training)?;

@@ -11,7 +11,7 @@ use crate::system::Hamiltonian;
 #[derive(Clone, Debug)]
 pub struct GaussLegendre {
     pub(super) nodes: Vec<f64>,
-    /// b_i, one for each stage.
+    /// The weights b_i of the stages.
     pub weights: Vec<f64>,
     /// The coefficients a_ij, row by row: (stages, stages).
     pub matrix: Vec<f64>,

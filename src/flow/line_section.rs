@@ -196,7 +196,8 @@ impl LineSection {
         Ok(out)
     }
 
-    /// In one map of so many it is looked at how near lines come to coils, which takes as long as following them.
+    /// The number of maps of which one is searched for lines that come near coils: a search takes as long as following
+    /// the lines.
     pub const LOOKED_AT: usize = 5;
 
     /// Whether each line from these points, (..., 2), stays over one map where the field is that of the coils: as far

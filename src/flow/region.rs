@@ -102,7 +102,8 @@ pub struct Exit<T> {
     /// The number of kept states outside.
     pub states: usize,
     /// The number of all kept states.
-    pub of: usize,
+    #[serde(rename = "of")]
+    pub kept: usize,
     /// The row, among the initial points, of the trajectory to which the first state outside belongs.
     pub row: usize,
     /// The number of steps after which that trajectory is outside for the first time.
@@ -150,25 +151,25 @@ impl<T> Exit<T> {
         every: usize,
     ) -> Option<Self> {
         let mut leaving = vec![false; points];
-        let (mut out, mut of): (Option<Self>, usize) = (None, 0);
+        let (mut out, mut kept): (Option<Self>, usize) = (None, 0);
         for (index, first) in outside.into_iter().enumerate() {
-            of += 1;
+            kept += 1;
             let Some(first) = first else { continue };
             let row = index % points;
             leaving[row] = true;
             let step = index / points * every;
-            let begin = || Self { rows: vec![], states: 0, of: 0, row, step, first };
+            let begin = || Self { rows: vec![], states: 0, kept: 0, row, step, first };
             out.get_or_insert_with(begin).states += 1;
         }
         let rows = (0..points).filter(|row| leaving[*row]).collect();
-        out.map(|out| Self { rows, of, ..out })
+        out.map(|out| Self { rows, kept, ..out })
     }
 
     /// That the states are outside of `what`, and of the first of them where it is.
     fn sentence(&self, what: &str, first: &str) -> String {
         /// The largest number of rows that the sentence names.
         const NAMED: usize = 20;
-        let Self { rows, states, of, row, step, .. } = self;
+        let Self { rows, states, kept, row, step, .. } = self;
         let named: Vec<String> = rows.iter().take(NAMED).map(usize::to_string).collect();
         let more = if rows.len() > NAMED { ", …" } else { "" };
         let (trajectories, named) = (rows.len(), named.join(", "));
@@ -180,7 +181,7 @@ impl<T> Exit<T> {
             step => format!("after {step} steps"),
         };
         format!(
-            "{states} of {of} kept states, of {trajectories} trajector{plural}, {verb} outside the box \
+            "{states} of {kept} kept states, of {trajectories} trajector{plural}, {verb} outside the box \
              of {what}: of the input's rows {named}{more}, the first from row {row} {when}: {first}"
         )
     }

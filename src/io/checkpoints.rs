@@ -1,6 +1,6 @@
 //! The checkpoints of a training in a file, one for each of its stages.
 
-use super::{earlier_checkpoint, load_checkpoint, save_checkpoint};
+use super::{earlier_checkpoint, save_checkpoint};
 use crate::error::Error;
 use crate::train::{
     Checkpoint, Control, Progress, Stop, TrainingObserver, TrainingOptions, TrainingStage,
@@ -61,14 +61,14 @@ impl Checkpoints {
         self.files(options).iter().any(|file| file.exists())
     }
 
-    /// Fails if the training is to go on and no checkpoint is found. The error is that of reading
-    /// the file of the last stage.
+    /// Fails if the training is to go on and no checkpoint is found.
     ///
     /// # Errors
-    /// Those of [`load_checkpoint`].
+    /// [`Error::Read`] of the file of the last stage.
     pub fn check(&self, options: &TrainingOptions) -> Result<(), Error> {
+        let reason = "there is none to go on from (a training that ends by itself leaves none)";
         match self.resume && !self.exist(options) {
-            true => load_checkpoint(&self.file).map(|_| ()),
+            true => Err(Error::read(&self.file, reason)),
             false => Ok(()),
         }
     }

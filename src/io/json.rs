@@ -38,6 +38,9 @@ pub struct Provenance {
     pub seed: Option<u64>,
     /// SHA-256 of the training pairs, or of the imported file.
     pub data: Option<String>,
+    /// SHA-256 of what decides its weights: [`Problem::training_digest`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub training: Option<String>,
     /// The time of the flow map that it stands for.
     pub flow_time: Option<f64>,
     /// The held-out mean squared error, in the network's units; with the weights of the loss where
@@ -130,6 +133,7 @@ impl StoredModel {
         let provenance = Provenance {
             seed: Some(problem.seed),
             data: Some(problem.digest.clone()),
+            training: Some(problem.training_digest()),
             flow_time: problem.flow_time,
             validation: training.outcome.best.validation,
             region: problem.region.clone(),
@@ -138,6 +142,13 @@ impl StoredModel {
         };
         let (units, section) = (problem.units.clone(), problem.section.clone());
         Self { model: fitted.model().clone(), units, section, provenance }
+    }
+
+    /// Whether it was made by the training of this problem, or by one that differs from it in when it stopped.
+    pub fn is_of(&self, problem: &Problem) -> bool {
+        self.provenance.training == Some(problem.training_digest())
+            && *self.model.architecture() == problem.architecture
+            && (&self.units, &self.section) == (&problem.units, &problem.section)
     }
 
     /// [`Model::with_epsilon_and_time`], in the same units; its held-out error is not known.

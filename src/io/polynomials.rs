@@ -158,7 +158,7 @@ pub fn parse_polynomial(place: &str, bytes: &[u8]) -> Result<StoredPolynomial, E
     Ok(StoredPolynomial { map: file.polynomial, provenance: file.provenance })
 }
 
-/// What a file of a map holds.
+/// A map that was read from a file: a network or a polynomial.
 #[derive(Clone, Debug)]
 pub enum StoredMap {
     /// A network, with its units, section and provenance.

@@ -47,7 +47,7 @@ pub struct ActivationModule<'a, P> {
     pub dof: usize,
     /// The activation σ of the module.
     pub activation: Activation,
-    /// a, or nothing for 1.
+    /// The factors a of the activation, one for each degree of freedom; empty where all are 1.
     pub factors: &'a [P],
     /// The factor c of the shear.
     pub scale: P,

@@ -119,7 +119,7 @@ pub struct HenonLayer<'a, P, V = NeuronPotential<'a, P>> {
     pub potential: V,
     /// The translation η of x, n numbers.
     pub eta: &'a [P],
-    /// ε; 1 for the plain layer.
+    /// The factor ε of the shears; 1 for the plain layer.
     pub epsilon: P,
 }
 

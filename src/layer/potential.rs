@@ -104,7 +104,7 @@ impl<'a, P: Copy, const D: usize> NeuronPotential<'a, P, D> {
         [self.w_in, self.b_in, self.w_out]
     }
 
-    /// h, the number of neurons.
+    /// The number of neurons h.
     #[inline(always)]
     pub fn width(&self) -> usize {
         self.w_out.len()

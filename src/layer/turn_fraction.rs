@@ -52,7 +52,7 @@ impl TurnFraction {
         self.0
     }
 
-    /// In radians, from −π to π.
+    /// The angle of the turn in radians, from −π to π.
     pub fn radians(self) -> f64 {
         self.0 as f64 * (TAU / 18_446_744_073_709_551_616.0)
     }

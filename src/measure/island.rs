@@ -101,7 +101,7 @@ impl IslandSearch {
         Ok(found.map(|interval| Island { interval, angle: ray }))
     }
 
-    /// The same, of an orbit whose own residue says how many maps are needed.
+    /// The island about an elliptic orbit, whose residue says how many maps are needed; None where none is found.
     ///
     /// # Errors
     /// Those of [`IslandSearch::about`]; [`Error::Invalid`] of an orbit that is not elliptic, or so nearly parabolic

@@ -1,6 +1,6 @@
 //! The architecture of a network: its structure without its parameters.
 
-use super::block::{Block, Layers, Part, Surroundings};
+use super::block::{Block, Layers, Part, Surroundings, read_blocks};
 use super::composition::Composition;
 use super::controls::Controls;
 use crate::error::{Error, block_called};
@@ -56,20 +56,21 @@ const MOST_PLANES: usize = 1000;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Architecture {
-    /// n, the degrees of freedom.
+    /// The degrees of freedom n.
     pub dof: usize,
     /// The circle actions Φ, each with an angle θ; empty for a network without circles.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub circles: Vec<CircleAction>,
-    /// ε; 1 where no block is scaled by it.
+    /// The parameter ε; 1 where no block is scaled by it.
     #[serde(default = "one")]
     pub epsilon: f64,
-    /// h, the flow time; 1 where no block is scaled by it.
+    /// The flow time h; 1 where no block is scaled by it.
     #[serde(default = "one")]
     pub flow_time: f64,
     /// The blocks of the network.
+    #[serde(deserialize_with = "read_blocks")]
     pub blocks: Vec<Block>,
-    /// S, where the map is reversible for all weights.
+    /// The reversor S, if the map is reversible for all weights.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reversor: Option<Reversor>,
     /// The controls of which its parameters are polynomials, if any.
@@ -379,9 +380,14 @@ impl Architecture {
             FastPlanes::new(&TorusAction::new(self.circles.clone())?)?;
         }
         self.controls.as_ref().map_or(Ok(()), Controls::check)?;
+        let of = self.surroundings();
+        for (number, block) in self.blocks.iter().enumerate() {
+            let count = block.parameter_count(of);
+            Error::check_count_range("parameters", count, 0, MOST_PARAMETERS)
+                .map_err(|e| e.in_block(number, &block.name))?;
+        }
         let count = self.parameter_count();
         Error::check_count_range("parameters of the architecture", count, 0, MOST_PARAMETERS)?;
-        let of = self.surroundings();
         for (number, block) in self.blocks.iter().enumerate() {
             let place = |e: Error| e.in_block(number, &block.name);
             block.check(of, self.has_circle()).map_err(place)?;

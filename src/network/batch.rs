@@ -222,7 +222,7 @@ impl Rollout {
 /// The mode of a roll-out: by the map or its inverse, with plain numbers or on a grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Course {
-    /// By the map, or by its inverse.
+    /// Whether steps are of the map or of its inverse.
     pub direction: Direction,
     /// The grid to which increments are rounded, so that the inverse is exact.
     pub grid: Option<Grid>,

@@ -3,13 +3,14 @@
 use super::composition::Composition;
 use super::init::{InitialWeights, Law, inner_bound, outer_bound};
 use super::step::{Kind, Step};
-use crate::error::Error;
+use crate::error::{Error, block_called};
 use crate::layer::{
     Activation, FastPlanes, KickForm, Neuron, RidgeFunction, Ridges, TwistShears, symmetric_len,
 };
 use crate::phase::Half;
 use crate::random::Stream;
 use crate::scalar::Real;
+use serde::de::{Deserializer, Error as _, SeqAccess};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 use std::sync::Arc;
@@ -801,6 +802,37 @@ impl ActivationName {
 
 fn no_part() -> Part {
     Part::None
+}
+
+/// Reads a list of blocks; the error of one that cannot be read has its number.
+pub(super) fn read_blocks<'de, D: Deserializer<'de>>(tables: D) -> Result<Vec<Block>, D::Error> {
+    struct List;
+
+    impl<'de> serde::de::Visitor<'de> for List {
+        type Value = Vec<Block>;
+
+        fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+            f.write_str("a list of blocks")
+        }
+
+        fn visit_seq<A: SeqAccess<'de>>(self, mut tables: A) -> Result<Vec<Block>, A::Error> {
+            let mut blocks = Vec::new();
+            loop {
+                let reason = match tables.next_element() {
+                    Ok(Some(block)) => {
+                        blocks.push(block);
+                        continue;
+                    }
+                    Ok(None) => return Ok(blocks),
+                    Err(reason) => reason,
+                };
+                let place = block_called(blocks.len(), "");
+                return Err(A::Error::custom(format_args!("{place}: {reason}")));
+            }
+        }
+    }
+
+    tables.deserialize_seq(List)
 }
 
 impl TryFrom<BlockTable> for Block {

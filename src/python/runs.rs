@@ -80,14 +80,14 @@ fn listening<T: Send>(
     let mut signal = None;
     let (result, raised) = py.detach(|| {
         let (heard_by, callback) = (Arc::clone(&stopped), callback.as_ref());
-        let mut watch = RunObserver { stopped: heard_by, callback, raised: None };
+        let mut observer = RunObserver { stopped: heard_by, callback, raised: None };
         std::thread::scope(|scope| {
             let thread = scope.spawn(move || {
                 let result = match pool {
-                    None => work(&mut watch),
-                    Some(pool) => pool.install(|| work(&mut watch)),
+                    None => work(&mut observer),
+                    Some(pool) => pool.install(|| work(&mut observer)),
                 };
-                (result, watch.raised)
+                (result, observer.raised)
             });
             while !thread.is_finished() {
                 std::thread::sleep(Duration::from_millis(5));
@@ -149,11 +149,11 @@ struct Line<'a> {
 #[pyfunction]
 pub(super) fn _plan(py: Python<'_>, text: &str, estimate: bool) -> PyResult<String> {
     let scene = parse("scene", text)?;
-    let found = listening(py, None, None, |watch| scene.with_found_actions(watch))?;
+    let found = listening(py, None, None, |observer| scene.with_found_actions(observer))?;
     let scene = found.ok_or_else(|| Error::Stopped { what: "plan".into() })?;
     let jobs = scene.plan()?;
     let seconds = match estimate {
-        true => listening(py, None, None, |watch| Ok(scene.estimate(&jobs, watch)))?,
+        true => listening(py, None, None, |observer| Ok(scene.estimate(&jobs, observer)))?,
         false => vec![None; jobs.len()],
     };
     let lines: Vec<Line<'_>> =
@@ -177,8 +177,9 @@ pub(super) fn _run_job(
 ) -> PyResult<&'static str> {
     let scene = parse("scene", text)?;
     let request = JobRequest { id, digest };
-    let end =
-        listening(py, threads, callback, |watch| run_job(&scene, request, &out, overwrite, watch))?;
+    let end = listening(py, threads, callback, |observer| {
+        run_job(&scene, request, &out, overwrite, observer)
+    })?;
     Ok(match end {
         JobEnd::Done => "done",
         JobEnd::WasDone => "was done before",
@@ -204,8 +205,9 @@ pub(super) fn _merge(
     callback: Option<Py<PyAny>>,
 ) -> PyResult<bool> {
     let scene = parse("scene", text)?;
-    let end =
-        listening(py, threads, callback, |watch| merge(&scene, digest, &out, overwrite, watch))?;
+    let end = listening(py, threads, callback, |observer| {
+        merge(&scene, digest, &out, overwrite, observer)
+    })?;
     Ok(!matches!(end, MergeEnd::Interrupted))
 }
 
@@ -221,10 +223,10 @@ pub(super) fn _run(
     callback: Option<Py<PyAny>>,
 ) -> PyResult<bool> {
     let scene = parse("scene", text)?;
-    let report = listening(py, threads, callback, |watch| {
+    let report = listening(py, threads, callback, |observer| {
         scene.check_networks(&out)?;
         let folder = Folder::open(&out, resume, overwrite)?;
-        run(&scene, &folder, watch)
+        run(&scene, &folder, observer)
     })?;
     Ok(report.is_some())
 }

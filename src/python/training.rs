@@ -20,6 +20,7 @@ use pyo3::conversion::FromPyObjectOwned;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
@@ -86,16 +87,67 @@ impl<'a, 'py, T: FromPyObjectOwned<'py> + InWords> FromPyObject<'a, 'py> for Seq
     }
 }
 
-/// A stage of a ramp: the flow time and the iterations, with the degree of polynomials between them.
+/// A stage of a ramp: the flow time and the iterations, with the degree of polynomials between them; or by the names of
+/// what it has.
 #[derive(FromPyObject)]
 pub(super) enum Stage {
     OfTime(f64, u64),
     OfDegree(Option<f64>, usize, u64),
+    #[pyo3(transparent)]
+    Named(BTreeMap<String, Option<f64>>),
 }
 
 impl InWords for Stage {
-    const WORDS: &'static str =
-        "(flow time, iterations) or (flow time or None, degree, iterations)";
+    const WORDS: &'static str = "(flow time, iterations), (flow time or None, degree, iterations) or a dictionary of \
+                                 flow_time, epsilon, repeats, degree and iterations";
+}
+
+impl TryFrom<Stage> for RampStage {
+    type Error = Error;
+
+    fn try_from(stage: Stage) -> Result<Self, Error> {
+        let (flow_time, degree, iterations) = match stage {
+            Stage::OfTime(time, iterations) => (Some(time), None, iterations),
+            Stage::OfDegree(time, degree, iterations) => (time, Some(degree), iterations),
+            Stage::Named(named) => return of_names(named),
+        };
+        Ok(Self { flow_time, epsilon: None, repeats: None, degree, iterations })
+    }
+}
+
+/// A stage of a ramp by the names of what it has.
+fn of_names(named: BTreeMap<String, Option<f64>>) -> Result<RampStage, Error> {
+    let (mut stage, mut iterations) = (RampStage::default(), None);
+    for (name, value) in named {
+        let Some(value) = value else { continue };
+        let count = || {
+            let is_count = value >= 0.0 && value.fract() == 0.0 && value < 2f64.powi(53);
+            let invalid =
+                || Error::invalid(&format!("{name} of a stage of a ramp"), value, "a count");
+            is_count.then_some(value as u64).ok_or_else(invalid)
+        };
+        match &name[..] {
+            "flow_time" => stage.flow_time = Some(value),
+            "epsilon" => stage.epsilon = Some(value),
+            "repeats" => stage.repeats = Some(count()? as usize),
+            "degree" => stage.degree = Some(count()? as usize),
+            "iterations" => iterations = Some(count()?),
+            _ => {
+                let expected = "flow_time, epsilon, repeats, degree or iterations";
+                return Err(Error::invalid(
+                    "a stage of a ramp",
+                    format!("the key `{name}`"),
+                    expected,
+                ));
+            }
+        }
+    }
+    let missing = || Error::Missing {
+        place: "a stage of a ramp".into(),
+        key: "iterations",
+        needed_by: "its training".into(),
+    };
+    Ok(RampStage { iterations: iterations.ok_or_else(missing)?, ..stage })
 }
 
 impl InWords for Sizes {
@@ -247,7 +299,8 @@ fn condition(name: &str, of: Option<Condition<'_>>) -> PyResult<OfNetworkAndPair
 /// iterations: the largest number of iterations, 1000 unless given; each of several starts takes 40 of its own first.
 /// starts: the number of sets of initial weights. Each is trained for 40 iterations, and the best goes on.
 /// ramp: stages before the training, on pairs with flow times of their own: a list of (flow time, iterations), or
-/// (flow time or None, degree, iterations) for polynomials of at most that degree.
+/// (flow time or None, degree, iterations) for polynomials of at most that degree, or dictionaries of flow_time,
+/// epsilon, repeats (only the first third of the twists, with 3, which are then repeated), degree and iterations.
 /// loss_weights: the weights of the planes in the loss and in the held-out error that chooses the model: "auto", by
 /// the motion of each plane beside the rotation, "none", or n or 2n positive numbers.
 /// near_identity_penalty: the factor with which the mean square of I_epsilon(z) - z is added to the loss; of a map
@@ -354,12 +407,8 @@ pub(super) fn train(
         ("layers", layers),
     ];
     let given = sizes.into_iter().filter_map(|(key, size)| Some((key, size?)));
-    let stage = |Sequence(stage)| {
-        let (flow_time, degree, iterations) = match stage {
-            Stage::OfTime(time, iterations) => (Some(time), None, iterations),
-            Stage::OfDegree(time, degree, iterations) => (time, Some(degree), iterations),
-        };
-        RampStage { flow_time, epsilon: None, repeats: None, degree, iterations }
+    let stages = |stages: Vec<Sequence<Stage>>| -> Result<Vec<RampStage>, Error> {
+        stages.into_iter().map(|Sequence(stage)| stage.try_into()).collect()
     };
     let options = FitOptions {
         architecture: architecture.map(str::to_owned),
@@ -371,7 +420,7 @@ pub(super) fn train(
         iterations,
         starts,
         plateau,
-        ramp: ramp.map(|stages| stages.into_iter().map(stage).collect()),
+        ramp: ramp.map(stages).transpose()?,
         loss: loss_weights.map(LossWeights::loss).transpose()?,
         near_identity_penalty,
         theta_fixed,
@@ -398,7 +447,7 @@ pub(super) fn train(
     };
     fit.check()?;
     // Before anything is computed.
-    let report = report.map(|path| Folder::open_report(&path, false)).transpose()?;
+    report.as_deref().map_or(Ok(()), |folder| Folder::check_report(folder, false))?;
     let mut raised = None;
     let mut go_on = || {
         raised = Python::attach(|py| py.check_signals()).err();
@@ -417,12 +466,14 @@ pub(super) fn train(
     if let Some(checkpoints) = &checkpoints {
         checkpoints.check(&problem.training)?;
     }
+    let report = report.map(|path| Folder::open_report(&path, false)).transpose()?;
     let start = Instant::now();
     let times = TrainingTimes { model: name.clone(), ..TrainingTimes::default() };
     let callback = callback.as_ref();
-    let mut watch = Calling { callback, raised: None, stopped: false, times, start, checkpoints };
-    let fitted = py.detach(|| problem.train(&mut watch));
-    let Calling { raised, times, checkpoints, .. } = watch;
+    let mut observer =
+        Calling { callback, raised: None, stopped: false, times, start, checkpoints };
+    let fitted = py.detach(|| problem.train(&mut observer));
+    let Calling { raised, times, checkpoints, .. } = observer;
     if let Some(raised) = raised {
         return Err(raised);
     }

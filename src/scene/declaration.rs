@@ -191,12 +191,7 @@ impl Scene {
     /// The scene without what says when training stops and how often it is saved, which may differ when a run is gone
     /// on with, and without what was found from its pairs.
     pub(super) fn without_ends(mut self) -> Self {
-        let reset = |training: &mut TrainingOptions| {
-            let TrainingOptions { iterations, target, patience, plateau, checkpoint_every, .. } =
-                training;
-            (*iterations, *target, *patience, *checkpoint_every) = (0, 0.0, 0, 1);
-            *plateau = None;
-        };
+        let reset = |training: &mut TrainingOptions| *training = training.clone().without_ends();
         reset(&mut self.setup.training);
         self.setup.data.iter_mut().for_each(|data| {
             (data.found, data.is_time_given) = (None, false);

@@ -165,7 +165,7 @@ impl ActionTrial {
         }
     }
 
-    /// What was found, in words.
+    /// The circle action that was found, and the errors of those that were tried, in words.
     pub fn describe(&self) -> String {
         let finite = self.errors.iter().filter(|(_, error)| error.is_finite());
         let mut known: Vec<&(TorusAction, f64)> = finite.collect();

@@ -26,16 +26,7 @@ impl RunIdentity {
         validation: Option<&Pairs>,
         options: &TrainingOptions,
     ) -> Self {
-        // When to stop and how often to save do not change the path: they may
-        // differ when a run goes on.
-        let options = TrainingOptions {
-            iterations: 0,
-            checkpoint_every: 1,
-            target: 0.0,
-            patience: 0,
-            plateau: None,
-            ..options.clone()
-        };
+        let options = options.clone().without_ends();
         Self {
             architecture: model.architecture().clone(),
             initial_parameters: digest::of_numbers(model.composition().parameters()),

@@ -207,6 +207,12 @@ fn is_zero(value: &f64) -> bool {
 }
 
 impl TrainingOptions {
+    /// The options that decide the weights after each iteration: all but when training stops and how often it saves,
+    /// which may change when a training goes on.
+    pub(crate) fn without_ends(self) -> Self {
+        Self { iterations: 0, checkpoint_every: 1, target: 0.0, patience: 0, plateau: None, ..self }
+    }
+
     /// Fails unless the options fit a network of this architecture.
     ///
     /// # Errors

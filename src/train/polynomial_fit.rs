@@ -66,8 +66,8 @@ pub struct PolynomialTrial {
     pub error: f64,
     /// The root mean square distance of the images of held-out pairs from theirs; None without such pairs.
     pub held_out: Option<f64>,
-    /// Of the coordinate that errs most, its root mean square error over its own spread among the images, on held-out
-    /// pairs where there are some.
+    /// The largest, over the coordinates, of the root mean square error divided by the spread of the coordinate among
+    /// the images; on held-out pairs where there are some.
     pub share: f64,
 }
 
@@ -84,7 +84,7 @@ pub struct FittedPolynomial {
     pub held_out: usize,
     /// The SHA-256 of all pairs, those held out too.
     pub digest: String,
-    /// What is to be said of the pairs.
+    /// The notes that reports give about the pairs.
     pub notes: Vec<FitNote>,
 }
 

@@ -4,6 +4,7 @@ use super::{
     AreaDefect, FitNote, Judgement, Outcome, RampStage, Rings, Scheduled, StageData, Starts,
     TrainingObserver, TrainingOptions, train_schedule,
 };
+use crate::digest;
 use crate::error::Error;
 use crate::flow::{Condition, Pairs, Region};
 use crate::layer::TorusAction;
@@ -146,6 +147,22 @@ pub struct Problem {
 }
 
 impl Problem {
+    /// SHA-256 of what decides the weights after each iteration of the training: the network with its initial weights,
+    /// the pairs, and the options but for when training stops and how often it saves.
+    pub fn training_digest(&self) -> String {
+        let pairs_of = |stage: &StagePairs| {
+            (stage.training.digest(), stage.held_out.as_ref().map(Pairs::digest))
+        };
+        let from = self.from.as_ref().map(|from| digest::of_numbers(from.model.parameters()));
+        let decides = (
+            (&self.architecture, self.weights, digest::of_numbers(&self.angles), from, self.seed),
+            (self.pairs.digest(), self.held_out.as_ref().map(Pairs::digest)),
+            self.stages.iter().map(pairs_of).collect::<Vec<_>>(),
+            self.training.clone().without_ends(),
+        );
+        digest::of_bytes(&serde_json::to_vec(&decides).expect("numbers, names and lists of them"))
+    }
+
     /// What is known of how well its pairs keep areas; nothing where the network keeps none.
     pub fn area_defects(&self) -> Vec<AreaDefect> {
         let defects = self.notes.iter().filter_map(FitNote::area_defect);
@@ -208,7 +225,7 @@ impl Problem {
 /// A trained network and what it was trained on.
 #[derive(Clone, Debug)]
 pub struct Fitted {
-    /// What it was trained on, and how.
+    /// The pairs and options that the network was trained with.
     pub problem: Problem,
     /// The result of the training.
     pub training: Scheduled,

@@ -18,7 +18,7 @@ pub struct Starts {
 }
 
 /// A problem near the final one that is trained before it; its weights start the next stage.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RampStage {
     /// The flow time of the pairs of this stage. None: that of the scene; where pairs are given, any. A scene whose

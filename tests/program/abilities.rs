@@ -213,6 +213,15 @@ const CASES: &[Case] = &[
             iterations: 3,
         }];
     }),
+    ("a ramp whose twists are repeated", |fit| {
+        let (flow_time, repeats) = (Some(0.5), Some(2));
+        let stage = RampStage { flow_time, repeats, iterations: 3, ..RampStage::default() };
+        fit.training.ramp = vec![stage];
+    }),
+    ("a ramp of another epsilon", |fit| {
+        let stage = RampStage { epsilon: Some(0.1), iterations: 3, ..RampStage::default() };
+        fit.training.ramp = vec![stage];
+    }),
     ("another order of columns is a warning", |_| ()),
     ("units are fitted", |_| ()),
     ("units of the data", |fit| fit.units = false),
@@ -438,7 +447,7 @@ struct Trial<'a> {
 }
 
 impl Trial<'_> {
-    fn run(&self, fit: &Fit, observer: &mut Watch) -> Fitted {
+    fn run(&self, fit: &Fit, observer: &mut StoppingObserver) -> Fitted {
         let name = &self.ability.name;
         let fitted = fit.run_observed(self.data.clone(), observer);
         fitted.unwrap_or_else(|error| panic!("{name}: {error}"))
@@ -485,10 +494,10 @@ impl Trial<'_> {
     /// Both callers give the same model and notes, and the ability changes something.
     fn check(&self) {
         let (name, effect) = (&self.ability.name, self.ability.effect);
-        let fitted = self.run(&self.fit, &mut Watch::default());
+        let fitted = self.run(&self.fit, &mut StoppingObserver::default());
         let without = match self.ability.program.is_empty() {
             true => self.without.run(self.bare.clone()).expect("trains"),
-            false => self.run(&self.without, &mut Watch::default()),
+            false => self.run(&self.without, &mut StoppingObserver::default()),
         };
         match effect {
             Effect::Resume => return self.check_resume(&fitted),
@@ -559,10 +568,10 @@ impl Trial<'_> {
     fn check_resume(&self, whole: &Fitted) {
         let whole = self.bytes(whole);
         let short = self.fit.clone().with_iterations(4);
-        let mut watch = Watch::new(self.folder.join("c"), false);
+        let mut watch = StoppingObserver::new(self.folder.join("c"), false);
         assert_ne!(self.bytes(&self.run(&short, &mut watch)), whole, "it is short");
         let of_rust = std::fs::read(self.folder.join("c")).expect("a checkpoint");
-        let mut watch = Watch::new(self.folder.join("c"), true);
+        let mut watch = StoppingObserver::new(self.folder.join("c"), true);
         assert!(self.bytes(&self.run(&self.fit, &mut watch)) == whole, "another model");
         assert_eq!(watch.seen.first(), Some(&5));
         let all = self.arguments("m.json", &[], &[]);
@@ -578,11 +587,12 @@ impl Trial<'_> {
 
     /// Stopped on the way, it leaves a checkpoint, from which it comes to the same bits.
     fn check_interruption(&self, whole: &Fitted) {
-        let mut watch = Watch { stops_at: 4, ..Watch::new(self.folder.join("c"), false) };
+        let mut watch =
+            StoppingObserver { stops_at: 4, ..StoppingObserver::new(self.folder.join("c"), false) };
         let stopped = self.run(&self.fit, &mut watch);
         assert_eq!(stopped.outcome().stop, Stop::Interrupted);
         assert_eq!(watch.seen.last(), Some(&4));
-        let mut watch = Watch::new(self.folder.join("c"), true);
+        let mut watch = StoppingObserver::new(self.folder.join("c"), true);
         assert!(self.bytes(&self.run(&self.fit, &mut watch)) == self.bytes(whole), "another model");
         assert_eq!(watch.seen.first(), Some(&5));
         #[cfg(unix)]
@@ -607,7 +617,7 @@ impl Trial<'_> {
             let reached = load_checkpoint(&checkpoint).expect("a checkpoint").last().iteration;
             let rest = reached + 3;
             let fit = self.fit.clone().with_iterations(rest);
-            let whole = self.bytes(&self.run(&fit, &mut Watch::default()));
+            let whole = self.bytes(&self.run(&fit, &mut StoppingObserver::default()));
             let rest = self.arguments("m.json", &[("iterations", &rest.to_string())], &[]);
             let rest: Vec<&str> = rest.iter().map(String::as_str).collect();
             succeeds(self.folder, &[&rest[..], &["--resume"]].concat());
@@ -618,20 +628,20 @@ impl Trial<'_> {
 
 /// Saves checkpoints to the path that it is given, and stops at an iteration.
 #[derive(Default)]
-struct Watch {
+struct StoppingObserver {
     checkpoints: Option<Checkpoints>,
     /// 0 is never.
     stops_at: u64,
     seen: Vec<u64>,
 }
 
-impl Watch {
+impl StoppingObserver {
     fn new(file: impl Into<std::path::PathBuf>, resume: bool) -> Self {
         Self { checkpoints: Some(Checkpoints::new(file, resume)), ..Self::default() }
     }
 }
 
-impl TrainingObserver for Watch {
+impl TrainingObserver for StoppingObserver {
     fn earlier(&mut self, stage: TrainingStage) -> Result<Option<Checkpoint>, Error> {
         self.checkpoints.as_mut().map_or(Ok(None), |checkpoints| checkpoints.earlier(stage))
     }
@@ -674,9 +684,12 @@ fn every_ability_is_one_of_rust_and_of_the_program() {
 /// The names of the fields of a structure, and whether two values differ there. A new field does not compile
 /// until it is listed.
 macro_rules! fields {
-    ($type:ident { $($field:ident),* $(,)? }, $one:expr, $other:expr) => {{
+    ($type:ident { $($field:ident),* $(,)? }, $one:expr, $other:expr) => {
+        fields!("", $type { $($field),* }, $one, $other)
+    };
+    ($of:literal, $type:ident { $($field:ident),* $(,)? }, $one:expr, $other:expr) => {{
         let $type { $($field),* } = $one;
-        [$((stringify!($field), *$field != $other.$field)),*]
+        [$((concat!($of, stringify!($field)), *$field != $other.$field)),*]
     }};
 }
 
@@ -722,7 +735,17 @@ fn changed(one: &Fit, other: &Fit) -> BTreeMap<&'static str, bool> {
         &one.training,
         other.training
     );
-    of_fit.into_iter().chain(of_training).collect()
+    let stage = |of: &Fit| of.training.ramp.first().copied().unwrap_or_default();
+    let of_stage = fields!(
+        "ramp.",
+        RampStage { flow_time, epsilon, repeats, degree, iterations },
+        &stage(one),
+        stage(other)
+    );
+    let starts =
+        |of: &Fit| of.training.starts.unwrap_or(Starts { count: 1, iterations: Starts::TRIAL });
+    let of_starts = fields!("starts.", Starts { count, iterations }, &starts(one), starts(other));
+    of_fit.into_iter().chain(of_training).chain(of_stage).chain(of_starts).collect()
 }
 
 /// Fails unless abilities and exceptions are, together and none twice, all that there is.

@@ -38,7 +38,9 @@ fn lists_of_blocks_that_cannot_be_are_refused() {
         (format!(r#"{{ part = "slow-map", layer = "henon", {one} }}"#), "block 1"),
         (format!(r#"{{ part = "chart", layer = "no-such", {one} }}"#), "no-such"),
         (format!(r#"{{ part = "no-such", layer = "henon", {one} }}"#), "no-such"),
-        (format!(r#"{{ part = "conjugation", layer = "henon", {one} }}"#), "`conjugation` twice"),
+        (r#"{ part = "chart", layer = "henon" }"#.into(), "`chart`"),
+        (r#"{ part = "chart", layer = "henon", widths = [999999999999] }"#.into(), "parameters"),
+        (format!(r#"{{ part = "conjugation", layer = "henon", {one} }}"#), "that of block 0"),
         (format!(r#"{{ part = "near-identity", layer = "henon", scale = "none", {one} }}"#), "ε"),
         (format!(r#"{{ part = "chart", name = "a/b", layer = "henon", {one} }}"#), "a/b"),
         (r#"{ part = "chart", layer = "henon", widths = [2, 0] }"#.into(), "width 0"),
@@ -71,9 +73,9 @@ optimiser = {{ kind = "levenberg-marquardt" }}
 "#
         );
         std::fs::write(path.join("own.toml"), scene).expect("written");
-        refuses(path, &["run", "own.toml", "--out", "out"], &["own.toml", words]);
+        refuses(path, &["run", "own.toml", "--out", "out"], &["own.toml", "block 1", words]);
         let train = ["train", "--data", "pairs.npz", "--scene", "own.toml", "--output", "own.json"];
-        refuses(path, &train, &["own.toml", words]);
+        refuses(path, &train, &["own.toml", "block 1", words]);
         assert!(!path.join("out").exists() && !path.join("own.json").exists());
     }
 }

@@ -255,7 +255,7 @@ fn checkpoints_of_replaced_trainings_are_removed() {
 
 /// Names of networks with what is added for a stage or a flow time are names of files.
 #[test]
-fn no_two_legs_share_a_checkpoint() {
+fn no_two_stages_share_a_checkpoint() {
     let second = r#"
 [[models]]
 name = "gyroceptron-start-1"
@@ -346,11 +346,23 @@ fn a_training_at_rest_ends_and_leaves_no_checkpoint() {
     let again = stop(&of("a.json", &["--resume"]));
     assert_eq!(again["finished"], true);
     assert_eq!(listing(path), before);
+    let longer = stop(&of("a.json", &["--resume", "--iterations", "2000", "--plateau", "0"]));
+    assert_eq!((longer["finished"].clone(), listing(path)), (true.into(), before.clone()));
     // Of another training there is none to go on with.
-    let other = call(path, &of("a.json", &["--resume", "--seed", "1"]));
-    assert_eq!(other.status.code(), Some(2));
-    assert!(text(&other.stderr).contains("a.json.checkpoint: cannot be read"));
-    assert_eq!(listing(path), before);
+    let others: [&[&str]; 5] = [
+        &["--seed", "1"],
+        &["--theta-penalty", "3"],
+        &["--loss-weights", "1,2"],
+        &["--validation", "0.2"],
+        &["--starts", "2"],
+    ];
+    for other in others {
+        let refused = call(path, &of("a.json", &[&["--resume"], other].concat()));
+        assert_eq!(refused.status.code(), Some(2), "{other:?}");
+        let said = text(&refused.stderr);
+        assert!(said.contains("a.json.checkpoint: cannot be read: there is none"), "{said}");
+        assert_eq!(listing(path), before);
+    }
     // In two parts.
     assert_eq!(stop(&of("b.json", &["--iterations", "30"]))["stop"], "iterations");
     assert!(path.join("b.json.checkpoint").exists());

@@ -34,7 +34,7 @@ pub trait BallCentre: Centre {
     const TAU: BallOf<Self>;
     /// A ball that contains the natural logarithm ln 2.
     const LN_2: BallOf<Self>;
-    /// What series and reductions are made of.
+    /// Constants from which the series and the argument reductions of balls are made.
     fn tables() -> &'static Tables<Self>;
     /// A constant, around this many doubles.
     fn constant(constant: Constant) -> BallOf<Self>;

@@ -18,7 +18,7 @@ const MOST_QUOTIENTS: usize = 24;
 const LARGEST_QUOTIENT: u32 = 1_000_000;
 
 impl NobleNumber {
-    /// [0; a₁, …, a_r, 1, 1, …].
+    /// The number with the continued fraction [0; a₁, …, a_r, 1, 1, …].
     ///
     /// # Errors
     /// [`Error::CountOutOfRange`] for a quotient that is 0 or more than 10⁶, or for more than 24 quotients.
