@@ -12,42 +12,28 @@ use gyroceptron::layer::Reversor;
 use gyroceptron::network::{Controls, LayerSizes};
 use gyroceptron::scene::render::terminal;
 use gyroceptron::scene::{
-    Folder, NextStep, Note, Observer, OwnTraining, Scene, TrainingTimes, next_command, quoted,
+    Folder, NextStep, Note, Observer, OwnTraining, TrainingTimes, next_command, quoted, recipe_of,
 };
 use gyroceptron::train::{
     ActionTrial, Checkpoint, Control, ControlOptions, Fit, FitNote, FitOptions, Loss, Optimiser,
-    Problem, Progress as TrainingProgress, Recipe, Stop, TrainingObserver, TrainingOptions,
-    TrainingStage, Trust,
+    Problem, Progress as TrainingProgress, Stop, TrainingObserver, TrainingOptions, TrainingStage,
+    Trust,
 };
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// The name of the fit, and its recipe or that of the scene.
-fn recipe(arguments: &Train) -> Result<(String, Recipe), Error> {
-    let Some(name) = &arguments.scene else {
-        let recipe = arguments.recipe.map(|name| Recipe::named(&word_of(name))).transpose()?;
-        return Ok(("train".into(), recipe.unwrap_or_default()));
-    };
-    let scene = Scene::read(name)?;
-    let fit = scene.fit().map_err(|e| e.with_place(name))?;
-    Ok((scene.name, Recipe::Declared(Box::new(fit))))
-}
-
-/// What weights of the loss ask for.
+/// The loss of a name, or of weights of its planes.
 fn loss_of(text: &str) -> Result<Loss, Error> {
-    match text {
-        "none" => Ok(Loss::MeanSquaredError),
-        AUTO => Ok(Loss::ByPlane { weights: None }),
-        _ => {
-            let expected = "auto, none, or positive numbers such as 1,100";
-            let number = |word: &str| {
-                word.trim().parse().map_err(|_| Error::invalid("--loss-weights", text, expected))
-            };
-            let weights = text.split(',').map(number).collect::<Result<_, _>>()?;
-            Ok(Loss::ByPlane { weights: Some(weights) })
-        }
+    if let Some(loss) = Loss::named(text) {
+        return Ok(loss);
     }
+    let expected = "auto, none, or positive numbers such as 1,100";
+    let number = |word: &str| {
+        word.trim().parse().map_err(|_| Error::invalid("--loss-weights", text, expected))
+    };
+    let weights = text.split(',').map(number).collect::<Result<_, _>>()?;
+    Ok(Loss::ByPlane { weights: Some(weights) })
 }
 
 /// What the options ask for.
@@ -84,7 +70,8 @@ const AUTO: &str = "auto";
 
 /// What the command asks for, and its name.
 fn fit_of(arguments: &Train) -> Result<(String, Fit), Error> {
-    let (name, recipe) = recipe(arguments)?;
+    let recipe = arguments.recipe.map(word_of);
+    let (name, recipe) = recipe_of(recipe.as_deref(), arguments.scene.as_deref())?;
     let action = match arguments.circle_action.as_deref() {
         None | Some(AUTO) => None,
         Some(text) => Some(circle_action(text)?),

@@ -11,10 +11,10 @@ use crate::flow::Pairs;
 use crate::io::{Checkpoints, StoredModel, read_section};
 use crate::layer::{Neuron, Reversor};
 use crate::network::{Alternating, Block, LayerSizes};
-use crate::scene::{Folder, NextStep, OwnTraining, Scene, TrainingTimes};
+use crate::scene::{Folder, NextStep, OwnTraining, TrainingTimes, recipe_of};
 use crate::train::{
     Checkpoint, Control, ControlOptions, FamilyPairs, Fit, FitNote, FitOptions, Loss, Optimiser,
-    Progress, RampStage, Recipe, TrainingObserver, TrainingStage,
+    Progress, RampStage, TrainingObserver, TrainingStage,
 };
 use pyo3::conversion::FromPyObjectOwned;
 use pyo3::exceptions::PyTypeError;
@@ -45,14 +45,9 @@ impl LossWeights<'_> {
             Self::Given(weights) => {
                 Ok(Loss::ByPlane { weights: Some(numbers_of("loss_weights", &weights)?) })
             }
-            Self::Named(name) => match name.as_str() {
-                "auto" => Ok(Loss::ByPlane { weights: None }),
-                "none" => Ok(Loss::MeanSquaredError),
-                _ => {
-                    let expected = "auto, none or positive numbers";
-                    Err(Error::invalid("loss_weights", name, expected).into())
-                }
-            },
+            Self::Named(name) => Ok(Loss::named(&name).ok_or_else(|| {
+                Error::invalid("loss_weights", name, "auto, none or positive numbers")
+            })?),
         }
     }
 }
@@ -381,7 +376,8 @@ pub(super) fn train(
     if resume && checkpoint.is_none() {
         return Err(Error::invalid("resume", "True", "a checkpoint beside it").into());
     }
-    let (name, recipe) = recipe_of(recipe, scene)?;
+    let scene = scene.map(|path| path.display().to_string());
+    let (name, recipe) = recipe_of(recipe, scene.as_deref())?;
     let action = circle_action.given()?;
     let dof = match (&action, dof_of("input", &input)) {
         (None, dof) => dof?,
@@ -494,20 +490,6 @@ pub(super) fn train(
         py.detach(|| OwnTraining { name, fitted, times, command, next }.report(&folder))?;
     }
     Ok(Model { stored, trained: Some(Arc::new(trained)) })
-}
-
-/// The name of the fit, and its recipe or that of the scene.
-fn recipe_of(name: Option<&str>, scene: Option<PathBuf>) -> Result<(String, Recipe), Error> {
-    let Some(path) = scene else {
-        return Ok(("train".into(), name.map(Recipe::named).transpose()?.unwrap_or_default()));
-    };
-    if let Some(name) = name {
-        return Err(Error::invalid("recipe", name, "none beside a scene"));
-    }
-    let path = path.display().to_string();
-    let scene = Scene::read(&path)?;
-    let fit = scene.fit().map_err(|e| e.with_place(path))?;
-    Ok((scene.name, Recipe::Declared(Box::new(fit))))
 }
 
 /// The sizes of a part.

@@ -76,6 +76,7 @@ pub use log::{Stage, TrainingTimes};
 pub use machine::Machine;
 pub use next_command::{command_line, job_command, next_command, quoted, without_page};
 pub use notes::{Note, own_invariance_fault};
+pub use own_fit::recipe_of;
 pub use own_pairs::{NextStep, OwnTraining};
 pub use parse::parse;
 pub use plan::{Job, JobKind};

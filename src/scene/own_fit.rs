@@ -5,8 +5,25 @@ use super::parse::parse;
 use super::registry::Scene;
 use crate::error::Error;
 use crate::network::NetworkSpec;
-use crate::train::Fit;
+use crate::train::{Fit, Recipe};
 use std::path::Path;
+
+/// The name of a training and its recipe: those of a scene (its name, or its file), else those of the recipe of this
+/// name, else the recommended ones.
+///
+/// # Errors
+/// Those of [`Scene::read`], [`Scene::fit`] and [`Recipe::named`]; when both are given.
+pub fn recipe_of(name: Option<&str>, scene: Option<&str>) -> Result<(String, Recipe), Error> {
+    let Some(place) = scene else {
+        return Ok(("train".into(), name.map(Recipe::named).transpose()?.unwrap_or_default()));
+    };
+    if let Some(name) = name {
+        return Err(Error::invalid("recipe", name, "none beside a scene"));
+    }
+    let scene = Scene::read(place)?;
+    let fit = scene.fit().map_err(|e| e.with_place(place))?;
+    Ok((scene.name, Recipe::Declared(Box::new(fit))))
+}
 
 impl Scene {
     /// Reads a scene: a built-in one by its name, any other from its file, whose name ends in `.toml`.

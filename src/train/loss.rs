@@ -35,6 +35,15 @@ pub enum Loss {
 }
 
 impl Loss {
+    /// The loss of a name: `auto` weighs planes by what the rotation leaves of them, `none` is the plain mean square.
+    pub fn named(name: &str) -> Option<Self> {
+        match name {
+            "auto" => Some(Self::ByPlane { weights: None }),
+            "none" => Some(Self::MeanSquaredError),
+            _ => None,
+        }
+    }
+
     /// This loss, with weights found from pairs where it has none: [`Loss::ByPlane`] gets, for each
     /// plane, the inverse mean square of what the rotation by these angles leaves of the pairs. For
     /// a plane of which it leaves nothing, see

@@ -214,6 +214,7 @@ const CASES: &[Case] = &[
         }];
     }),
     ("a ramp whose twists are repeated", |fit| {
+        fit.network = named("normal-form", &[("kicks", of(2, 2)), ("twists", of(4, 2))]);
         let (flow_time, repeats) = (Some(0.5), Some(2));
         let stage = RampStage { flow_time, repeats, iterations: 3, ..RampStage::default() };
         fit.training.ramp = vec![stage];
