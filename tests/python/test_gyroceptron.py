@@ -273,6 +273,13 @@ def test_bad_input_is_named(tmp_path, pairs, model):
     refuses("theta_fixed", train, *pairs, [1, 0], recipe="paper", architecture="sympnet", theta_fixed=True)
     refuses("^theta_penalty: ", train, *pairs, [1, 0], recipe="paper", theta_penalty=-1.0)
     refuses("^ramp.iterations: ", train, *pairs, [1, 0], ramp=[(1.0, 0)])
+    refuses("the key `flow_tim`", train, *pairs, [1, 0], ramp=[{"flow_tim": 1.0, "iterations": 1}])
+    refuses("repeats of a stage .*1.5", train, *pairs, [1, 0], ramp=[{"repeats": 1.5, "iterations": 1}])
+    refuses("iterations", train, *pairs, [1, 0], ramp=[{"flow_time": 1.0}])
+    # What is refused leaves nothing behind.
+    gone = {"report": tmp_path / "report", "checkpoint": tmp_path / "gone", "resume": True}
+    refuses("gone: cannot be read: there is none", train, *pairs, [1, 0], recipe="paper", **gone)
+    assert not (tmp_path / "report").exists()
     refuses("epsilon", train, *pairs, [1, 0], recipe="paper", architecture="normal-form", epsilon=0.0)
     refuses("columns: expected 4, found 3", train, pairs[0][:, :3], pairs[1], [1, 0])
     with pytest.raises(gyroceptron.Error) as raised:
