@@ -528,9 +528,9 @@ fn faults(architecture: &Architecture) -> Vec<Vec<String>> {
         let small = matches!(part, Part::Perturbation | Part::NearIdentity);
         fault(small && !has_epsilon, &[&place, name, &scaled]);
         let twice = blocks[..number].iter().any(|other| other.name == *name);
-        fault(twice, &[&place, name, &"name: expected a name for each"]);
+        fault(twice, &[&place, name, &"name: expected a name of its own"]);
         let nameless = name.is_empty() && blocks.len() > 1;
-        fault(nameless, &[&place, &"name: expected a name for each", &blocks.len()]);
+        fault(nameless, &[&place, &"name: expected a name of its own", &blocks.len()]);
         let has_time = matches!(scale, Scale::Time | Scale::EpsilonTime);
         let still = *part == Part::NearIdentity && has_time && *flow_time == 0.0;
         fault(still, &[&"flow_time", &0]);

@@ -361,10 +361,11 @@ pub struct Train {
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub starts: Option<i64>,
     /// Stages before the training, of pairs with flow times of their own: the flow time and the
-    /// iterations of each, such as 5x100,20x100. After the flow time or in its place: @EPSILON, of
-    /// pairs of this ε; /REPEATS, of the first third of the twists, which are then repeated three
-    /// times, with 3; ^DEGREE, of polynomials of this degree, such as ^4x50,^8x50.
-    #[arg(long, value_name = "TIME[@EPSILON][/REPEATS][^DEGREE]xITERATIONS,…")]
+    /// iterations of each, such as 5x100,20x100. More can follow the flow time or take its place:
+    /// @EPSILON takes the pairs of this ε; /M trains the first 1/M of the twists only, which are
+    /// repeated M times after the ramp; ^DEGREE takes polynomials of at most this degree, such as
+    /// ^4x50,^8x50.
+    #[arg(long, value_name = "TIME[@EPSILON][/M][^DEGREE]xITERATIONS,…")]
     pub ramp: Option<String>,
     /// What is added to the loss: so many times the mean square of I_ε(z) − z, or of χ∘K_ε∘χ⁻¹(z) − z of a map with a
     /// perturbation.
@@ -710,7 +711,7 @@ pub fn circle_action(text: &str) -> Result<TorusAction, Error> {
     TorusAction::new(circles).map_err(|e| e.with_place("--circle-action"))
 }
 
-/// `5x100,20x100`, `@0.1x100`, `5/3x100` or `^4x50,^8x50` as stages of a ramp.
+/// `5x100,20x100`, `@0.1x100`, `5/2x100` or `^4x50,^8x50` as stages of a ramp.
 pub fn ramp(name: &str, text: &str) -> Result<Vec<RampStage>, Error> {
     const MARKS: [char; 3] = ['@', '/', '^'];
     let stage = |text: &str| {
@@ -741,8 +742,8 @@ pub fn ramp(name: &str, text: &str) -> Result<Vec<RampStage>, Error> {
         }
         Some(stage)
     };
-    let expected = "flow times and iterations, such as 5x100,20x100, with @EPSILON, /REPEATS or ^DEGREE after \
-                    the flow time or in its place, such as 5/3x100 or ^4x50,^8x50";
+    let expected = "flow times and iterations, such as 5x100,20x100, with @EPSILON, /M or ^DEGREE after the flow time \
+                    or in its place, such as 5/2x100 or ^4x50,^8x50";
     text.split(',')
         .map(|text| stage(text).ok_or_else(|| Error::invalid(name, text, expected)))
         .collect()

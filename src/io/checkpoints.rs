@@ -66,7 +66,8 @@ impl Checkpoints {
     /// # Errors
     /// [`Error::Read`] of the file of the last stage.
     pub fn check(&self, options: &TrainingOptions) -> Result<(), Error> {
-        let reason = "there is none to go on from (a training that ends by itself leaves none)";
+        let reason =
+            "there is none of this training to go on from (one that ends by itself leaves none)";
         match self.resume && !self.exist(options) {
             true => Err(Error::read(&self.file, reason)),
             false => Ok(()),
@@ -79,10 +80,7 @@ impl Checkpoints {
     /// # Errors
     /// Those of [`Checkpoints::remove`].
     pub fn remove_after(&self, stop: Stop) -> Result<(), Error> {
-        match stop {
-            Stop::Iterations | Stop::Interrupted => Ok(()),
-            _ => self.remove(),
-        }
+        if stop.is_final() { self.remove() } else { Ok(()) }
     }
 
     /// Removes the checkpoint files of all stages, however many the training had.

@@ -38,7 +38,8 @@ pub struct Provenance {
     pub seed: Option<u64>,
     /// SHA-256 of the training pairs, or of the imported file.
     pub data: Option<String>,
-    /// SHA-256 of what decides its weights: [`Problem::training_digest`].
+    /// SHA-256 of what decides its weights, [`Problem::training_digest`]; None where its training did not end by itself,
+    /// but could go on with more iterations.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub training: Option<String>,
     /// The time of the flow map that it stands for.
@@ -133,7 +134,7 @@ impl StoredModel {
         let provenance = Provenance {
             seed: Some(problem.seed),
             data: Some(problem.digest.clone()),
-            training: Some(problem.training_digest()),
+            training: training.outcome.stop.is_final().then(|| problem.training_digest()),
             flow_time: problem.flow_time,
             validation: training.outcome.best.validation,
             region: problem.region.clone(),
@@ -144,7 +145,8 @@ impl StoredModel {
         Self { model: fitted.model().clone(), units, section, provenance }
     }
 
-    /// Whether it was made by the training of this problem, or by one that differs from it in when it stopped.
+    /// Whether it was made by the training of this problem, or by one that differs in when it was to stop, and that
+    /// training ended by itself.
     pub fn is_of(&self, problem: &Problem) -> bool {
         self.provenance.training == Some(problem.training_digest())
             && *self.model.architecture() == problem.architecture

@@ -391,7 +391,7 @@ impl Architecture {
         for (number, block) in self.blocks.iter().enumerate() {
             let place = |e: Error| e.in_block(number, &block.name);
             block.check(of, self.has_circle()).map_err(place)?;
-            let unnamed = |found: String| place(Error::invalid("name", found, "a name for each"));
+            let unnamed = |found: String| place(Error::invalid("name", found, "a name of its own"));
             if let Some(other) = self.blocks[..number].iter().position(|of| of.name == block.name) {
                 return Err(unnamed(format!("that of block {other}")));
             }

@@ -804,7 +804,7 @@ fn no_part() -> Part {
     Part::None
 }
 
-/// Reads a list of blocks; the error of one that cannot be read has its number.
+/// Reads a list of blocks from a format whose errors name no line: that of a block that cannot be read has its number.
 pub(super) fn read_blocks<'de, D: Deserializer<'de>>(tables: D) -> Result<Vec<Block>, D::Error> {
     struct List;
 
@@ -827,7 +827,10 @@ pub(super) fn read_blocks<'de, D: Deserializer<'de>>(tables: D) -> Result<Vec<Bl
                     Err(reason) => reason,
                 };
                 let place = block_called(blocks.len(), "");
-                return Err(A::Error::custom(format_args!("{place}: {reason}")));
+                return Err(A::Error::custom(format_args!(
+                    "{place}: {}",
+                    reason.to_string().trim_end()
+                )));
             }
         }
     }

@@ -1,7 +1,7 @@
 //! Specifications of networks in scenes, options and keywords: by a name and sizes, or by blocks.
 
 use super::architecture::Architecture;
-use super::block::{Alternating, Block, MOST_LAYERS, Part, Scale, read_blocks};
+use super::block::{Alternating, Block, MOST_LAYERS, Part, Scale};
 use super::named::{
     CouplingGyroceptronShape, GyroceptronShape, HenonShape, KickedGyroceptronShape, SympNetShape,
 };
@@ -314,7 +314,7 @@ pub struct NetworkSpec {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub action: Option<TorusAction>,
     /// The blocks, of kind `blocks`.
-    #[serde(default, skip_serializing_if = "Vec::is_empty", deserialize_with = "read_blocks")]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub blocks: Vec<Block>,
     /// The file, of kind `file`. A relative path is from the folder of the scene's file.
     #[serde(default, skip_serializing_if = "Option::is_none")]

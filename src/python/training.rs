@@ -295,7 +295,8 @@ fn condition(name: &str, of: Option<Condition<'_>>) -> PyResult<OfNetworkAndPair
 /// starts: the number of sets of initial weights. Each is trained for 40 iterations, and the best goes on.
 /// ramp: stages before the training, on pairs with flow times of their own: a list of (flow time, iterations), or
 /// (flow time or None, degree, iterations) for polynomials of at most that degree, or dictionaries of flow_time,
-/// epsilon, repeats (only the first third of the twists, with 3, which are then repeated), degree and iterations.
+/// epsilon, repeats, degree and iterations; with repeats m only the first 1/m of the twists are trained, and repeated m
+/// times after the ramp.
 /// loss_weights: the weights of the planes in the loss and in the held-out error that chooses the model: "auto", by
 /// the motion of each plane beside the rotation, "none", or n or 2n positive numbers.
 /// near_identity_penalty: the factor with which the mean square of I_epsilon(z) - z is added to the loss; of a map

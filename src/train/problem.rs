@@ -151,9 +151,13 @@ impl Problem {
     /// the pairs, and the options but for when training stops and how often it saves.
     pub fn training_digest(&self) -> String {
         let pairs_of = |stage: &StagePairs| {
-            (stage.training.digest(), stage.held_out.as_ref().map(Pairs::digest))
+            let place = (stage.epsilon.to_bits(), stage.time.to_bits(), stage.iterations);
+            (place, stage.training.digest(), stage.held_out.as_ref().map(Pairs::digest))
         };
-        let from = self.from.as_ref().map(|from| digest::of_numbers(from.model.parameters()));
+        let from = self.from.as_ref().map(|from| {
+            let weights = digest::of_numbers(from.model.parameters());
+            (from.model.architecture(), weights, from.time.to_bits())
+        });
         let decides = (
             (&self.architecture, self.weights, digest::of_numbers(&self.angles), from, self.seed),
             (self.pairs.digest(), self.held_out.as_ref().map(Pairs::digest)),

@@ -50,6 +50,13 @@ pub enum Stop {
     Interrupted,
 }
 
+impl Stop {
+    /// Whether the training ended by itself: it was not interrupted, and more iterations would change nothing.
+    pub fn is_final(self) -> bool {
+        !matches!(self, Self::Iterations | Self::Interrupted | Self::NotTrained)
+    }
+}
+
 /// Fails unless a number of iterations, or the like, is at least one.
 pub(super) fn at_least_one(name: &str, found: u64) -> Result<(), Error> {
     let found = usize::try_from(found).unwrap_or(usize::MAX);

@@ -34,19 +34,34 @@ fn lists_of_blocks_that_cannot_be_are_refused() {
     let folder = with_model();
     let path = folder.path();
     let one = "widths = { count = 1, width = 2 }";
+    // What is no block at all has the line of the file; what cannot be one has number and name.
+    let (line, place) = ("own.toml:16:", "block 1 (`");
     let cases = [
-        (format!(r#"{{ part = "slow-map", layer = "henon", {one} }}"#), "block 1"),
-        (format!(r#"{{ part = "chart", layer = "no-such", {one} }}"#), "no-such"),
-        (format!(r#"{{ part = "no-such", layer = "henon", {one} }}"#), "no-such"),
-        (r#"{ part = "chart", layer = "henon" }"#.into(), "`chart`"),
-        (r#"{ part = "chart", layer = "henon", widths = [999999999999] }"#.into(), "parameters"),
-        (format!(r#"{{ part = "conjugation", layer = "henon", {one} }}"#), "that of block 0"),
-        (format!(r#"{{ part = "near-identity", layer = "henon", scale = "none", {one} }}"#), "ε"),
-        (format!(r#"{{ part = "chart", name = "a/b", layer = "henon", {one} }}"#), "a/b"),
-        (r#"{ part = "chart", layer = "henon", widths = [2, 0] }"#.into(), "width 0"),
+        (format!(r#"{{ part = "slow-map", layer = "henon", {one} }}"#), [place, "Hénon layers"]),
+        (format!(r#"{{ part = "chart", layer = "no-such", {one} }}"#), [line, "no-such"]),
+        (format!(r#"{{ part = "no-such", layer = "henon", {one} }}"#), [line, "no-such"]),
+        (
+            format!(r#"{{ part = "chart", layr = "henon", {one} }}"#),
+            ["layr", "did you mean `layer`"],
+        ),
+        (r#"{ part = "chart", layer = "henon" }"#.into(), ["`chart`", "widths"]),
+        (
+            r#"{ part = "chart", layer = "henon", widths = [999999999999] }"#.into(),
+            ["block 1 (`chart`)", "parameters"],
+        ),
+        (
+            format!(r#"{{ part = "conjugation", layer = "henon", {one} }}"#),
+            ["block 1 (`conjugation`)", "that of block 0"],
+        ),
+        (
+            format!(r#"{{ part = "near-identity", layer = "henon", scale = "none", {one} }}"#),
+            [place, "ε"],
+        ),
+        (format!(r#"{{ part = "chart", name = "a/b", layer = "henon", {one} }}"#), [place, "a/b"]),
+        (r#"{ part = "chart", layer = "henon", widths = [2, 0] }"#.into(), [place, "width 0"]),
         (
             r#"{ part = "chart", layer = "henon", widths = { count = 1, width = 0 } }"#.into(),
-            "width",
+            [place, "width 0"],
         ),
     ];
     for (block, words) in cases {
@@ -73,9 +88,9 @@ optimiser = {{ kind = "levenberg-marquardt" }}
 "#
         );
         std::fs::write(path.join("own.toml"), scene).expect("written");
-        refuses(path, &["run", "own.toml", "--out", "out"], &["own.toml", "block 1", words]);
+        refuses(path, &["run", "own.toml", "--out", "out"], &["own.toml", words[0], words[1]]);
         let train = ["train", "--data", "pairs.npz", "--scene", "own.toml", "--output", "own.json"];
-        refuses(path, &train, &["own.toml", "block 1", words]);
+        refuses(path, &train, &["own.toml", words[0], words[1]]);
         assert!(!path.join("out").exists() && !path.join("own.json").exists());
     }
 }

@@ -384,6 +384,13 @@ fn trajectories_that_leave_the_box_of_polynomials_are_reported() {
         (["--kicks", "2x2^65"], ["degree", "65"]),
         (["--radius", "1.0"], ["radius", "degree"]),
         (["--ramp", "^4x10"], ["degree", "polynomials"]),
+        (["--ramp", "x10"], ["--ramp", "5/2x100"]),
+        (["--ramp", "5//2x10"], ["--ramp", "5/2x100"]),
+        (["--ramp", "5/2/2x10"], ["--ramp", "5/2x100"]),
+        (["--ramp", "5@x10"], ["--ramp", "5/2x100"]),
+        (["--ramp", "5^4^4x10"], ["--ramp", "5/2x100"]),
+        (["--ramp", "5é@1x10"], ["--ramp", "5/2x100"]),
+        (["--ramp", "@0.1/2^4"], ["--ramp", "5/2x100"]),
     ] {
         refuses(
             path,

@@ -275,7 +275,8 @@ def test_bad_input_is_named(tmp_path, pairs, model):
     refuses("^ramp.iterations: ", train, *pairs, [1, 0], ramp=[(1.0, 0)])
     refuses("the key `flow_tim`", train, *pairs, [1, 0], ramp=[{"flow_tim": 1.0, "iterations": 1}])
     refuses("repeats of a stage .*1.5", train, *pairs, [1, 0], ramp=[{"repeats": 1.5, "iterations": 1}])
-    refuses("iterations", train, *pairs, [1, 0], ramp=[{"flow_time": 1.0}])
+    refuses("a stage of a ramp.*iterations", train, *pairs, [1, 0], ramp=[{"flow_time": 1.0, "degree": None}])
+    refuses("iterations of a stage .*-1", train, *pairs, [1, 0], ramp=[{"flow_time": 1.0, "iterations": -1}])
     # What is refused leaves nothing behind.
     gone = {"report": tmp_path / "report", "checkpoint": tmp_path / "gone", "resume": True}
     refuses("gone: cannot be read: there is none", train, *pairs, [1, 0], recipe="paper", **gone)

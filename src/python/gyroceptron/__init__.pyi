@@ -508,7 +508,7 @@ def train(
     optimiser: Literal["l-bfgs", "lm", "adam"] | None = None,
     iterations: int | None = None,
     starts: int | None = None,
-    ramp: Sequence[tuple[float, int] | tuple[float | None, int, int] | Mapping[str, float | None]] | None = None,
+    ramp: Sequence[tuple[float, int] | tuple[float | None, int, int] | dict[str, float | None]] | None = None,
     near_identity_penalty: float | None = None,
     loss_weights: Literal["auto", "none"] | Sequence[float] | None = None,
     patience: int | None = None,
