@@ -95,6 +95,21 @@ optimiser = {{ kind = "levenberg-marquardt" }}
     }
 }
 
+/// So it is in files of models, whose lines nobody reads.
+#[test]
+fn blocks_of_files_that_cannot_be_read_have_their_number() {
+    let folder = with_model();
+    let path = folder.path();
+    let file = std::fs::read(path.join("model.json")).expect("a model");
+    let whole: Value = serde_json::from_slice(&file).expect("JSON");
+    for (key, value, words) in [("layer", "no-such", "no-such"), ("layr", "henon", "layr")] {
+        let mut wrong = whole.clone();
+        wrong["architecture"]["blocks"][1][key] = value.into();
+        std::fs::write(path.join("wrong.json"), wrong.to_string()).expect("written");
+        refuses(path, &["verify", "--model", "wrong.json"], &["wrong.json", "block 1: ", words]);
+    }
+}
+
 /// What is not said has a name.
 #[test]
 fn a_model_has_a_name_of_its_own() {

@@ -369,6 +369,12 @@ fn a_training_at_rest_ends_and_leaves_no_checkpoint() {
     assert_eq!(stop(&of("b.json", &["--resume"]))["stop"], "plateau");
     assert!(!path.join("b.json.checkpoint").exists());
     assert!(read("a.json") == read("b.json"));
+    // One that could go on has not ended, also where its checkpoint is lost.
+    assert_eq!(stop(&of("d.json", &["--iterations", "30"]))["stop"], "iterations");
+    std::fs::remove_file(path.join("d.json.checkpoint")).expect("removed");
+    let lost = call(path, &of("d.json", &["--resume"]));
+    assert_eq!(lost.status.code(), Some(2));
+    assert!(text(&lost.stderr).contains("d.json.checkpoint: cannot be read: there is none"));
     // It is an option.
     let more = ["--iterations", "220", "--plateau", "0"];
     assert_eq!(stop(&of("c.json", &more))["stop"], "iterations");
