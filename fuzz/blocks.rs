@@ -225,7 +225,8 @@ pub fn of_shears(u: &mut Unstructured<'_>) -> Architecture {
     let mut drawn = mended(architecture(u));
     drawn.controls = None;
     drawn.blocks.retain(|block| {
-        !block.layers.commutes_with_circles() && !matches!(block.layers, Layers::TurnedCoupling(_))
+        !block.layers.kind().commutes_with_circles()
+            && !matches!(block.layers, Layers::TurnedCoupling(_))
     });
     drawn
 }
@@ -287,7 +288,7 @@ fn mended(mut drawn: Architecture) -> Architecture {
         let mut widths: Vec<usize> = block.layers.widths().iter().copied().map(few).collect();
         let twist = matches!(block.layers, Layers::Twist(_));
         block.layers = match &block.layers {
-            layers if drawn.circles.is_empty() && layers.commutes_with_circles() => {
+            layers if drawn.circles.is_empty() && layers.kind().commutes_with_circles() => {
                 Layers::Henon(widths.clone())
             }
             Layers::TurnedTwist(_) => Layers::TurnedTwist(widths.clone()),
@@ -328,7 +329,7 @@ fn mended(mut drawn: Architecture) -> Architecture {
             neurons => neurons,
         };
     }
-    if drawn.blocks.iter().any(|block| block.layers.commutes_with_circles()) {
+    if drawn.blocks.iter().any(|block| block.layers.kind().commutes_with_circles()) {
         let turned = |j: &usize| drawn.circles.iter().any(|c| c.weights()[*j] != 0);
         let fast = (0..dof).filter(turned).count();
         if drawn.circles.len() > fast {
@@ -337,7 +338,7 @@ fn mended(mut drawn: Architecture) -> Architecture {
     }
     let of_twists = arguments(&drawn);
     for block in drawn.blocks.iter_mut().filter(|block| block.ridges.is_polynomial()) {
-        let twist = block.layers.commutes_with_circles();
+        let twist = block.layers.kind().commutes_with_circles();
         let one = if twist { of_twists == 1 } else { dof == 1 };
         if let Layers::Henon(widths)
         | Layers::TurnedKick(widths)
@@ -451,10 +452,10 @@ fn faults(architecture: &Architecture) -> Vec<Vec<String>> {
         }
         fault(weights.iter().all(|m| *m == 0), &[&"circle action", &"all weights 0"]);
     }
-    let is_twist = |block: &Block| block.layers.commutes_with_circles();
+    let is_twist = |block: &Block| block.layers.kind().commutes_with_circles();
     for Block { layers, .. } in blocks {
         let of_planes = !matches!(layers, Layers::Henon(_) | Layers::SympNet(_));
-        fault(of_planes && *dof > MOST_PLANES, &[&"planes of", &layers.words(), dof]);
+        fault(of_planes && *dof > MOST_PLANES, &[&"planes of", &layers.kind().words(), dof]);
     }
     let turned = |j: &usize| circles.iter().any(|c| c.weights().get(*j).is_some_and(|m| *m != 0));
     let most = (0..(*dof).min(MOST_PLANES)).filter(turned).count().min(4);
@@ -511,7 +512,7 @@ fn faults(architecture: &Architecture) -> Vec<Vec<String>> {
         }
         let of_circles = !matches!(part, Part::None | Part::NearIdentity);
         let alone = circles.is_empty() && (of_circles || is_twist(block));
-        fault(alone, &[&place, name, &layers.words(), &"without a circle action"]);
+        fault(alone, &[&place, name, &layers.kind().words(), &"without a circle action"]);
         let turned = matches!(layers, Layers::TurnedTwist(_)) && layers.count() > 0;
         let none_slow = turned && slow_planes(architecture) == 0;
         fault(none_slow, &[&place, name, &"turned twists, where no plane is slow"]);
@@ -523,7 +524,7 @@ fn faults(architecture: &Architecture) -> Vec<Vec<String>> {
         };
         let scaled = format!("scaled by {factor}");
         fault(*part == Part::Conjugation && *scale != Scale::None, &[&place, name, &scaled]);
-        fault(*part == Part::SlowMap && !is_twist(block), &[&place, name, &layers.words()]);
+        fault(*part == Part::SlowMap && !is_twist(block), &[&place, name, &layers.kind().words()]);
         let has_epsilon = matches!(scale, Scale::Epsilon | Scale::EpsilonTime);
         let small = matches!(part, Part::Perturbation | Part::NearIdentity);
         fault(small && !has_epsilon, &[&place, name, &scaled]);

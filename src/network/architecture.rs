@@ -1,8 +1,10 @@
 //! The architecture of a network: its structure without its parameters.
 
-use super::block::{Block, Layers, Part, Surroundings, read_blocks};
+use super::block::{Block, Part};
+use super::block_table::read_blocks;
 use super::composition::Composition;
 use super::controls::Controls;
+use super::layers::{Layers, Surroundings};
 use crate::error::{Error, block_called};
 use crate::layer::{CircleAction, FastPlanes, Reversor, RidgeFunction, TorusAction};
 use crate::phase::Direction;
@@ -197,7 +199,7 @@ impl Architecture {
 
     /// Whether maps of the architecture are symplectic, whatever their weights.
     pub fn is_symplectic(&self) -> bool {
-        self.blocks.iter().all(|block| block.layers.is_symplectic())
+        self.blocks.iter().all(|block| block.layers.kind().is_symplectic())
     }
 
     /// Whether all of its layers are Hénon layers of neurons of tanh, those of the paper.
@@ -252,7 +254,7 @@ impl Architecture {
     /// Whether its circles rotate the coordinate planes of the data to leading order: it has twists, which
     /// act on these planes.
     pub fn keeps_its_planes(&self) -> bool {
-        self.blocks.iter().any(|block| block.layers.needs_circles())
+        self.blocks.iter().any(|block| block.layers.kind().commutes_with_circles())
     }
 
     /// The number of shears of its slow map.
@@ -371,12 +373,14 @@ impl Architecture {
                 return Err(Error::invalid("circle action", "all weights 0", expected));
             }
         }
-        let of_planes = |block: &Block| block.layers.is_of_planes();
+        let of_planes = |block: &Block| block.layers.kind().is_of_planes();
         if let Some(block) = self.blocks.iter().find(|block| of_planes(block)) {
-            let name = format!("planes of {}", block.layers.words());
+            let name = format!("planes of {}", block.layers.kind().words());
             Error::check_count_range(&name, self.dof, 1, MOST_PLANES)?;
         }
-        if self.has_circle() && self.blocks.iter().any(|block| block.layers.needs_circles()) {
+        if self.has_circle()
+            && self.blocks.iter().any(|block| block.layers.kind().commutes_with_circles())
+        {
             FastPlanes::new(&TorusAction::new(self.circles.clone())?)?;
         }
         self.controls.as_ref().map_or(Ok(()), Controls::check)?;

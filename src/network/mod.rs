@@ -23,10 +23,12 @@ mod architecture;
 mod batch;
 mod bind;
 mod block;
+mod block_table;
 mod composition;
 mod controls;
 mod init;
 mod jacobians;
+mod layers;
 mod model;
 pub mod named;
 mod normal_form;
@@ -38,12 +40,14 @@ mod visits;
 
 pub use architecture::{Architecture, Structure};
 pub use batch::{Course, Rollout, map_points, map_points_at_pace, rollout, rollout_at_pace};
-pub use block::{Alternating, Block, Layers, Modules, Part, Scale};
+pub use block::{Block, Part, Scale};
+pub use block_table::Alternating;
 pub(crate) use composition::NEURONS;
 pub use composition::{Composition, Recording};
 pub use controls::{ControlRange, Controls};
 pub use init::InitialWeights;
 pub use jacobians::{map_jacobians, map_jacobians_by_duals};
+pub use layers::{LayerKind, Layers, Modules};
 pub use model::{Invariant, Model};
 pub use named::{
     CouplingGyroceptronShape, GyroceptronShape, HenonShape, KickedGyroceptronShape, SympNetShape,

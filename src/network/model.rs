@@ -2,9 +2,10 @@
 
 use super::architecture::{Architecture, Structure};
 use super::batch::{Course, Rollout, map_points, map_points_at_pace, rollout_at_pace};
-use super::block::{Block, Layers, Part};
+use super::block::{Block, Part};
 use super::composition::Composition;
 use super::init::InitialWeights;
+use super::layers::Layers;
 use super::on_grid::{GridPoints, grid_rollout};
 use super::pace::Pace;
 use crate::error::Error;

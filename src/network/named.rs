@@ -1,7 +1,8 @@
 //! The named architectures: the sizes from which each is made, and its list of blocks.
 
 use super::architecture::Architecture;
-use super::block::{Block, Layers, Modules, Part, Scale};
+use super::block::{Block, Part, Scale};
+use super::layers::{Layers, Modules};
 use crate::layer::{Activation, CircleAction};
 use serde::{Deserialize, Serialize};
 

@@ -69,8 +69,9 @@
 //! (`cargo test --release --test maps slow_generators -- --nocapture`).
 
 use super::architecture::Architecture;
-use super::block::{Block, Layers, Part, Scale};
+use super::block::{Block, Part, Scale};
 use super::composition::Composition;
+use super::layers::Layers;
 use super::model::Model;
 use crate::error::Error;
 use crate::layer::TorusAction;

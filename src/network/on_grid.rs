@@ -3,7 +3,6 @@
 use super::batch::{Rollout, TOGETHER, states_of};
 use super::composition::Composition;
 use super::pace::Pace;
-use super::step::Kind;
 use crate::error::Error;
 use crate::phase::Direction;
 use crate::scalar::{
@@ -19,20 +18,7 @@ impl<P: Scalar> Composition<P> {
     /// # Errors
     /// When it has a twist or a coupling, with the reason.
     pub fn check_on_grid(&self) -> Result<(), Error> {
-        let reason = self.steps().iter().find_map(|step| match step.kind {
-            Kind::Twist { .. } => Some(
-                "a twist, which turns planes by angles that depend on the actions, and rounding moves these",
-            ),
-            Kind::TurnedCoupling { .. } => {
-                Some("an affine coupling, which scales coordinates and so maps no grid onto itself")
-            }
-            Kind::Kick { .. }
-            | Kind::Turn { .. }
-            | Kind::TurnedKick { .. }
-            | Kind::Linear { .. }
-            | Kind::Activation { .. }
-            | Kind::Reflection(_) => None,
-        });
+        let reason = self.steps().iter().find_map(|step| step.kind.why_off_grid());
         match reason {
             Some(reason) => Err(Error::invalid(
                 "map on a grid",

@@ -1,7 +1,8 @@
 //! Specifications of networks in scenes, options and keywords: by a name and sizes, or by blocks.
 
 use super::architecture::Architecture;
-use super::block::{Alternating, Block, MOST_LAYERS, Part, Scale};
+use super::block::{Block, Part, Scale};
+use super::block_table::{Alternating, MOST_LAYERS};
 use super::named::{
     CouplingGyroceptronShape, GyroceptronShape, HenonShape, KickedGyroceptronShape, SympNetShape,
 };
@@ -635,7 +636,7 @@ impl Architecture {
     fn is_of_the_kind_of(&self, other: &Self) -> bool {
         let alike = |(a, b): (&Block, &Block)| {
             (&a.name, a.part, a.scale) == (&b.name, b.part, b.scale)
-                && a.layers.name() == b.layers.name()
+                && a.layers.kind().name() == b.layers.kind().name()
         };
         (&self.circles, self.reversor) == (&other.circles, other.reversor)
             && self.blocks.len() == other.blocks.len()

@@ -24,8 +24,10 @@ pub struct Step {
     pub time: Option<f64>,
 }
 
-/// The kinds of step. A new kind takes an [`ElementaryMap`] in a file of `layer/`, a variant
-/// here and an arm of `Composition::bind`.
+/// The kinds of step.
+///
+/// A new kind takes an [`ElementaryMap`] in a file of `layer/`, a variant and its answers here and an arm of
+/// `Composition::bind`; of `PlaneMap::of_composition` too, which maps of one degree of freedom are proved by.
 #[derive(Clone, Debug)]
 pub enum Kind {
     /// A kick of a Hénon layer.
@@ -81,6 +83,38 @@ pub enum Kind {
 }
 
 impl Kind {
+    /// The name of the kind in generated source code.
+    pub(crate) fn name(&self) -> &'static str {
+        match self {
+            Self::Kick { .. } => "kick",
+            Self::Turn { .. } => "turn",
+            Self::TurnedKick { .. } => "turned_kick",
+            Self::TurnedCoupling { .. } => "turned_coupling",
+            Self::Twist { .. } => "twist",
+            Self::Linear { .. } => "linear",
+            Self::Activation { .. } => "activation",
+            Self::Reflection(_) => "reflection",
+        }
+    }
+
+    /// Why it is no exact bijection of a grid; nothing where it is one.
+    pub(super) fn why_off_grid(&self) -> Option<&'static str> {
+        match self {
+            Self::Twist { .. } => Some(
+                "a twist, which turns planes by angles that depend on the actions, and rounding moves these",
+            ),
+            Self::TurnedCoupling { .. } => {
+                Some("an affine coupling, which scales coordinates and so maps no grid onto itself")
+            }
+            Self::Kick { .. }
+            | Self::Turn { .. }
+            | Self::TurnedKick { .. }
+            | Self::Linear { .. }
+            | Self::Activation { .. }
+            | Self::Reflection(_) => None,
+        }
+    }
+
     /// Where the angles of each of its prepared turns begin among its parameters.
     pub(super) fn angles(&self) -> &[usize] {
         match self {

@@ -2,7 +2,7 @@
 
 use crate::error::Error;
 use crate::layer::ElementaryMap;
-use crate::network::{Composition, Kind, Model, Visitor};
+use crate::network::{Composition, Model, Visitor};
 use crate::phase::Direction;
 use crate::scalar::{Operation, Scalar, Trace, Traced, constant};
 use std::collections::BTreeMap;
@@ -140,7 +140,7 @@ impl Program {
                     && known.arguments == made.arguments
             };
             let function = self.functions.iter().position(same).unwrap_or_else(|| {
-                let kind = name_of(&step.kind);
+                let kind = step.kind.name();
                 let number = self.functions.len() + 1;
                 let of_what = if record.tangent { "_tangent" } else { "" };
                 let name = format!("{kind}{of_what}_{number}");
@@ -168,19 +168,6 @@ fn sum_of_actions(model: &Model, z: &[Traced]) -> Traced {
         1 => actions.next().expect("one"),
         // What a sum of f64 begins with.
         _ => actions.fold(constant(-0.0), |sum, each| sum + each),
-    }
-}
-
-fn name_of(kind: &Kind) -> &'static str {
-    match kind {
-        Kind::Kick { .. } => "kick",
-        Kind::Turn { .. } => "turn",
-        Kind::TurnedKick { .. } => "turned_kick",
-        Kind::TurnedCoupling { .. } => "turned_coupling",
-        Kind::Twist { .. } => "twist",
-        Kind::Linear { .. } => "linear",
-        Kind::Activation { .. } => "activation",
-        Kind::Reflection(_) => "reflection",
     }
 }
 
