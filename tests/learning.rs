@@ -5,6 +5,7 @@ mod controls;
 mod family;
 mod files;
 mod fit;
+mod optimisers;
 mod polynomial_fit;
 mod schedule;
 mod source_code;

@@ -1,6 +1,7 @@
 //! What surrogates are compared with over many fast periods: orders, structure, and mutants of each.
 
-use super::systems::{assert_order, distance, omega_defect, point};
+use super::integrators::{assert_order, omega_defect};
+use super::systems::{distance, point};
 use gyroceptron::error::Error;
 use gyroceptron::flow::{
     Averaged, AveragedSettings, Integrator, MicroSteps, MultiRevolution, MultiRevolutionSettings,
