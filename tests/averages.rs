@@ -1,7 +1,7 @@
 //! Stroboscopic averaging, averaged equations and invariants: their orders, and their definitions.
 
 use crate::integrators::{assert_order, has_order, with_one_off};
-use crate::systems::{Quick, distance, particle, point};
+use crate::systems::{distance, particle, point};
 use gyroceptron::flow::{
     Averaged, AveragedSettings, Integrator, MicroSteps, Pairs, Reference, ReferenceTrajectories,
     Splitting, Stroboscopic, StroboscopicSettings,
@@ -39,7 +39,7 @@ fn stroboscopic_averaging_with_a_wrong_coefficient_is_rejected() {
     assert!(!holds(Splitting { b: off, ..own }));
 }
 
-pub(crate) fn averaging(micro: usize, differences: usize) -> Integrator {
+fn averaging(micro: usize, differences: usize) -> Integrator {
     Integrator::Stroboscopic(StroboscopicSettings { micro, differences, by: MicroSteps::Aba1064 })
 }
 
@@ -154,6 +154,42 @@ fn four_differences_follow_the_slow_motion_too() {
     Stroboscopic::new(&system, 100.0, (Splitting::ABA_1064, 32), 4).take(&system, &mut moved, 40);
     let error = distance(&moved, &exact.point);
     assert!(error < 1e-7, "{error:e}");
+}
+
+/// A plane that turns at 1.7, twice as fast as its circle, and a slow one.
+struct Quick {
+    epsilon: f64,
+}
+
+impl Hamiltonian for Quick {
+    fn dof(&self) -> usize {
+        2
+    }
+    fn energy<S: Elementary>(&self, z: &[S], _: f64) -> S {
+        let constant = S::from_f64;
+        let fast = constant(0.85) * (z[0] * z[0] + z[2] * z[2]);
+        let slow = constant(0.5) * z[3] * z[3] + (z[0] + z[1]).sin_cos().1 * (constant(1.0) + z[2]);
+        fast + constant(self.epsilon) * slow
+    }
+}
+
+impl NearlyPeriodic for Quick {
+    fn epsilon(&self) -> f64 {
+        self.epsilon
+    }
+    fn circle_action(&self) -> CircleAction {
+        CircleAction::new([2, 0])
+    }
+    fn limiting_frequency(&self) -> f64 {
+        0.85
+    }
+    fn adiabatic_invariant<S: Elementary>(&self, z: &[S]) -> S {
+        z[0] * z[0] + z[2] * z[2]
+    }
+    fn limiting_flow<S: Elementary>(&self, z: &mut [S], time: S) {
+        let (s, c) = (S::from_f64(1.7) * time).sin_cos();
+        (z[0], z[2]) = (c * z[0] + s * z[2], c * z[2] - s * z[0]);
+    }
 }
 
 /// μ₀ + εμ₁ is within O(ε) of μ₀, and ε²μ₂ beside it of O(ε²), in size and not only in order.

@@ -185,6 +185,26 @@ fn start(dof: usize) -> Vec<f64> {
     [0.7, -0.4, 0.3, 0.9, -0.6, 0.2, 0.5, -0.8][..2 * dof].to_vec()
 }
 
+/// Files, messages and Rust call kinds of layers by the same names.
+#[test]
+fn kinds_of_layers_are_read_by_their_names() {
+    let widths = || vec![2, 2];
+    let all = [
+        Layers::Henon(widths()),
+        Layers::TurnedKick(widths()),
+        Layers::Twist(widths()),
+        Layers::TurnedTwist(widths()),
+        Layers::TurnedCoupling(widths()),
+        modules(2),
+    ];
+    for layers in all {
+        let (kind, block) = (layers.kind(), Block::new(Part::None, layers));
+        let table = serde_json::to_value(&block).expect("a table");
+        assert_eq!(table["layer"], kind.name());
+        assert_eq!(serde_json::from_value::<Block>(table).expect("the block"), block);
+    }
+}
+
 /// All of them hold the laws that their lists say, and own the invariants.
 #[test]
 fn arrangements_are_certified() {

@@ -518,7 +518,7 @@ fn coils_are_read_from_text() {
     }
 }
 
-pub(crate) fn request() -> LineRequest {
+fn request() -> LineRequest {
     LineRequest { phi: 0.0, angle: PERIOD, reach: 0.1, guess: None, error: 1e-9 }
 }
 

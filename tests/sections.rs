@@ -8,7 +8,7 @@ use gyroceptron::scalar::max_or_nan;
 use gyroceptron::system::Oscillators;
 
 /// A density whose integral is known: ρ = e^{x}(2 + sin y).
-pub(crate) fn density(x: f64, y: f64) -> f64 {
+fn density(x: f64, y: f64) -> f64 {
     x.exp() * (2.0 + y.sin())
 }
 

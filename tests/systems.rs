@@ -5,7 +5,6 @@ use gyroceptron::flow::{
     GaussLegendreSettings, Integrator, Pairs, Reference, ReferenceTrajectories, Splitting, Tableau,
     Window, natural_runge_kutta_4, runge_kutta_4, sample_of,
 };
-use gyroceptron::layer::CircleAction;
 use gyroceptron::measure::adiabatic::{averaged_invariant, log_slope};
 use gyroceptron::measure::trajectories::drifts;
 use gyroceptron::random::Stream;
@@ -155,7 +154,7 @@ fn the_limit_is_the_circle_action() {
 }
 
 /// Points inside of the torus, away from the axis.
-pub(crate) fn lines(count: usize) -> Vec<f64> {
+fn lines(count: usize) -> Vec<f64> {
     let mut stream = Stream::new(3, "lines");
     let system = FieldLines::new(0.0);
     (0..count)
@@ -577,42 +576,6 @@ fn a_resonance_exchanges_the_actions_of_a_torus() {
     assert!(known.is_some() && known == orbit.customary_invariant(&z));
     let system = System::ThreeOscillators(ThreeOscillators { epsilon: 0.1, frequency: -1.0 });
     assert!(system.check().expect_err("no frequency").to_string().contains("system.frequency"));
-}
-
-/// A plane that turns at 1.7, twice as fast as its circle, and a slow one.
-pub(crate) struct Quick {
-    pub(crate) epsilon: f64,
-}
-
-impl Hamiltonian for Quick {
-    fn dof(&self) -> usize {
-        2
-    }
-    fn energy<S: Elementary>(&self, z: &[S], _: f64) -> S {
-        let constant = S::from_f64;
-        let fast = constant(0.85) * (z[0] * z[0] + z[2] * z[2]);
-        let slow = constant(0.5) * z[3] * z[3] + (z[0] + z[1]).sin_cos().1 * (constant(1.0) + z[2]);
-        fast + constant(self.epsilon) * slow
-    }
-}
-
-impl NearlyPeriodic for Quick {
-    fn epsilon(&self) -> f64 {
-        self.epsilon
-    }
-    fn circle_action(&self) -> CircleAction {
-        CircleAction::new([2, 0])
-    }
-    fn limiting_frequency(&self) -> f64 {
-        0.85
-    }
-    fn adiabatic_invariant<S: Elementary>(&self, z: &[S]) -> S {
-        z[0] * z[0] + z[2] * z[2]
-    }
-    fn limiting_flow<S: Elementary>(&self, z: &mut [S], time: S) {
-        let (s, c) = (S::from_f64(1.7) * time).sin_cos();
-        (z[0], z[2]) = (c * z[0] + s * z[2], c * z[2] - s * z[0]);
-    }
 }
 
 #[test]

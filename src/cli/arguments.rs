@@ -34,7 +34,7 @@ pub enum Command {
         #[arg(long, value_name = "SCENE")]
         show: Option<String>,
     },
-    /// Certify the structure of a model, or of networks with random weights.
+    /// Certify the structure of a model, or of networks with random weights, at sampled points.
     Verify(Verify),
     /// Prove that a model has invariant circles that no orbit crosses.
     Prove(Prove),

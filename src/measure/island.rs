@@ -11,7 +11,7 @@ use std::f64::consts::TAU;
 /// orbit on which orbits stay in the island.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Island {
-    /// The distances from the centre between which orbits are locked to the resonance.
+    /// The distances from the centre between which orbits are locked to the resonance, in the coordinates of the map.
     pub interval: LockedInterval,
     /// The phase of the island: the angle of the ray, in radians, from the first coordinate towards the second.
     pub angle: f64,

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 pub struct CertificateOptions {
     /// The number of points that are drawn.
     pub samples: usize,
-    /// Half the side of the box.
+    /// Half the side of the box, in the coordinates of the map: those of the network where a model has units.
     pub radius: f64,
     /// The seed of the stream that the points are drawn from.
     pub seed: u64,

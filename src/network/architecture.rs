@@ -1,10 +1,11 @@
 //! The architecture of a network: its structure without its parameters.
 
-use super::block::{Block, Part};
+use super::block::Block;
 use super::block_table::read_blocks;
 use super::composition::Composition;
 use super::controls::Controls;
 use super::layers::{Layers, Surroundings};
+use super::part::Part;
 use crate::error::{Error, block_called};
 use crate::layer::{CircleAction, FastPlanes, Reversor, RidgeFunction, TorusAction};
 use crate::phase::Direction;

@@ -1,11 +1,12 @@
 //! Blocks as files have them.
 
-use super::block::{Block, Part, Scale};
 use super::layers::{LayerKind, Layers, Modules};
+use super::part::{Part, Scale};
 use crate::error::{Error, block_called};
 use crate::layer::{Activation, Neuron, RidgeFunction};
 use serde::de::{Deserializer, Error as _, SeqAccess};
 use serde::{Deserialize, Serialize};
+use std::marker::PhantomData;
 
 /// Widths as files have them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -60,6 +61,15 @@ impl Widths {
             }
         }
     }
+}
+
+/// What a block is made of.
+pub(super) struct Contents {
+    pub(super) name: String,
+    pub(super) part: Part,
+    pub(super) scale: Scale,
+    pub(super) layers: Layers,
+    pub(super) ridges: RidgeFunction,
 }
 
 /// A block as files have it.
@@ -125,17 +135,19 @@ fn no_part() -> Part {
 }
 
 /// Reads a list of blocks from a format whose errors name no line: that of a block that cannot be read has its number.
-pub(super) fn read_blocks<'de, D: Deserializer<'de>>(tables: D) -> Result<Vec<Block>, D::Error> {
-    struct List;
+pub(super) fn read_blocks<'de, B: Deserialize<'de>, D: Deserializer<'de>>(
+    tables: D,
+) -> Result<Vec<B>, D::Error> {
+    struct List<B>(PhantomData<B>);
 
-    impl<'de> serde::de::Visitor<'de> for List {
-        type Value = Vec<Block>;
+    impl<'de, B: Deserialize<'de>> serde::de::Visitor<'de> for List<B> {
+        type Value = Vec<B>;
 
         fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
             f.write_str("a list of blocks")
         }
 
-        fn visit_seq<A: SeqAccess<'de>>(self, mut tables: A) -> Result<Vec<Block>, A::Error> {
+        fn visit_seq<A: SeqAccess<'de>>(self, mut tables: A) -> Result<Vec<B>, A::Error> {
             let mut blocks = Vec::new();
             loop {
                 let reason = match tables.next_element() {
@@ -155,15 +167,17 @@ pub(super) fn read_blocks<'de, D: Deserializer<'de>>(tables: D) -> Result<Vec<Bl
         }
     }
 
-    tables.deserialize_seq(List)
+    tables.deserialize_seq(List(PhantomData))
 }
 
-impl TryFrom<BlockTable> for Block {
-    type Error = Error;
-
-    fn try_from(table: BlockTable) -> Result<Self, Error> {
-        let BlockTable { name, part, scale, layer, widths, degree, radius, .. } = table;
-        let BlockTable { modules, shears, activation, plain, .. } = table;
+impl BlockTable {
+    /// What the table says.
+    ///
+    /// # Errors
+    /// [`Error::Missing`] and [`Error::Invalid`] of keys that its layers need or do not have.
+    pub(super) fn contents(self) -> Result<Contents, Error> {
+        let BlockTable { name, part, scale, layer, widths, degree, radius, .. } = self;
+        let BlockTable { modules, shears, activation, plain, .. } = self;
         let name = name.unwrap_or_else(|| part.name().into());
         let missing = |key: &'static str| Error::Missing {
             place: format!("block `{name}`"),
@@ -222,13 +236,12 @@ impl TryFrom<BlockTable> for Block {
                 return superfluous("radius", "a degree with it: the box is that of polynomials");
             }
         };
-        Ok(Self { name, part, scale: scale.unwrap_or(part.usual_scale()), layers, ridges })
+        Ok(Contents { name, part, scale: scale.unwrap_or(part.usual_scale()), layers, ridges })
     }
-}
 
-impl From<Block> for BlockTable {
-    fn from(block: Block) -> Self {
-        let Block { name, part, scale, layers, ridges } = block;
+    /// The table of these contents.
+    pub(super) fn new(contents: Contents) -> Self {
+        let Contents { name, part, scale, layers, ridges } = contents;
         let (degree, radius) = match ridges {
             RidgeFunction::Neurons(_) => (None, None),
             RidgeFunction::Polynomial { degree, radius } => {

@@ -12,13 +12,13 @@ use crate::layer::{
 use crate::phase::Half;
 use crate::random::Stream;
 use crate::scalar::Real;
-use serde::de::Error as _;
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde::{Deserialize, Serialize};
 use std::ops::Range;
 use std::sync::Arc;
 
 /// The kinds of layers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum LayerKind {
     /// [Hénon layers](crate::layer::HenonLayer) of four kicks each.
     Henon,
@@ -62,32 +62,13 @@ pub(super) struct Facts {
     pub(super) arguments: Option<Arguments>,
     /// Whether a layer of width 0 may have parameters, those of a quadratic form.
     pub(super) forms_alone: bool,
-    /// The stream of initial weights: of all blocks, or, ending with /, the first part of the name of each block's.
+    /// The stream of initial weights. A name that ends in / is followed by the block's name; otherwise all blocks
+    /// share the stream.
     pub(super) stream: &'static str,
 }
 
 impl LayerKind {
-    /// All kinds of layers, in the order in which messages list them.
-    pub const ALL: [Self; 6] = [
-        Self::Henon,
-        Self::TurnedKick,
-        Self::Twist,
-        Self::TurnedTwist,
-        Self::TurnedCoupling,
-        Self::SympNet,
-    ];
-
-    const NAMES: [&str; Self::ALL.len()] = {
-        let mut names = [""; Self::ALL.len()];
-        let mut k = 0;
-        while k < names.len() {
-            names[k] = Self::ALL[k].facts().name;
-            k += 1;
-        }
-        names
-    };
-
-    pub(super) const fn facts(self) -> Facts {
+    pub(super) fn facts(self) -> Facts {
         match self {
             Self::Henon => Facts {
                 name: "henon",
@@ -195,20 +176,6 @@ impl LayerKind {
             Self::TurnedCoupling => Layers::TurnedCoupling(widths),
             Self::SympNet => return None,
         })
-    }
-}
-
-impl Serialize for LayerKind {
-    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
-        to.serialize_str(self.name())
-    }
-}
-
-impl<'de> Deserialize<'de> for LayerKind {
-    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
-        let name = std::borrow::Cow::<'de, str>::deserialize(from)?;
-        let kind = Self::ALL.into_iter().find(|kind| kind.name() == name);
-        kind.ok_or_else(|| D::Error::unknown_variant(&name, &Self::NAMES))
     }
 }
 

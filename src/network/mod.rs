@@ -34,13 +34,14 @@ pub mod named;
 mod normal_form;
 mod on_grid;
 mod pace;
+mod part;
 mod spec;
 mod step;
 mod visits;
 
 pub use architecture::{Architecture, Structure};
 pub use batch::{Course, Rollout, map_points, map_points_at_pace, rollout, rollout_at_pace};
-pub use block::{Block, Part, Scale};
+pub use block::Block;
 pub use block_table::Alternating;
 pub(crate) use composition::NEURONS;
 pub use composition::{Composition, Recording};
@@ -55,6 +56,7 @@ pub use named::{
 pub use normal_form::NormalFormShape;
 pub use on_grid::{GridPoints, grid_rollout};
 pub use pace::Pace;
+pub use part::{Part, Scale};
 pub use spec::{Circles, LayerSizes, NamedArchitecture, NetworkSpec};
 pub use step::{Kind, Step, Visitor};
 

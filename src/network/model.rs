@@ -2,12 +2,13 @@
 
 use super::architecture::{Architecture, Structure};
 use super::batch::{Course, Rollout, map_points, map_points_at_pace, rollout_at_pace};
-use super::block::{Block, Part};
+use super::block::Block;
 use super::composition::Composition;
 use super::init::InitialWeights;
 use super::layers::Layers;
 use super::on_grid::{GridPoints, grid_rollout};
 use super::pace::Pace;
+use super::part::Part;
 use crate::error::Error;
 use crate::layer::{CircleAction, HenonLayer, RidgeFunction};
 use crate::phase::{Direction, Map};

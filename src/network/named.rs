@@ -1,8 +1,9 @@
 //! The named architectures: the sizes from which each is made, and its list of blocks.
 
 use super::architecture::Architecture;
-use super::block::{Block, Part, Scale};
+use super::block::Block;
 use super::layers::{Layers, Modules};
+use super::part::{Part, Scale};
 use crate::layer::{Activation, CircleAction};
 use serde::{Deserialize, Serialize};
 

@@ -69,10 +69,11 @@
 //! (`cargo test --release --test maps slow_generators -- --nocapture`).
 
 use super::architecture::Architecture;
-use super::block::{Block, Part, Scale};
+use super::block::Block;
 use super::composition::Composition;
 use super::layers::Layers;
 use super::model::Model;
+use super::part::{Part, Scale};
 use crate::error::Error;
 use crate::layer::TorusAction;
 use serde::{Deserialize, Serialize};

@@ -1,12 +1,13 @@
 //! Specifications of networks in scenes, options and keywords: by a name and sizes, or by blocks.
 
 use super::architecture::Architecture;
-use super::block::{Block, Part, Scale};
+use super::block::Block;
 use super::block_table::{Alternating, MOST_LAYERS};
 use super::named::{
     CouplingGyroceptronShape, GyroceptronShape, HenonShape, KickedGyroceptronShape, SympNetShape,
 };
 use super::normal_form::NormalFormShape;
+use super::part::{Part, Scale};
 use crate::error::Error;
 use crate::layer::{Activation, CircleAction, Neuron, Reversor, RidgeFunction, TorusAction};
 use serde::{Deserialize, Serialize};
@@ -636,7 +637,7 @@ impl Architecture {
     fn is_of_the_kind_of(&self, other: &Self) -> bool {
         let alike = |(a, b): (&Block, &Block)| {
             (&a.name, a.part, a.scale) == (&b.name, b.part, b.scale)
-                && a.layers.kind().name() == b.layers.kind().name()
+                && a.layers.kind() == b.layers.kind()
         };
         (&self.circles, self.reversor) == (&other.circles, other.reversor)
             && self.blocks.len() == other.blocks.len()

@@ -26,8 +26,8 @@ pub struct Step {
 
 /// The kinds of step.
 ///
-/// A new kind takes an [`ElementaryMap`] in a file of `layer/`, a variant and its answers here and an arm of
-/// `Composition::bind`; of `PlaneMap::of_composition` too, which maps of one degree of freedom are proved by.
+/// A new kind takes an [`ElementaryMap`] in a file of `layer/`, a variant and its answers here, an arm of
+/// `Composition::bind` and, for proofs of maps of one degree of freedom, an arm of `PlaneMap::of_composition`.
 #[derive(Clone, Debug)]
 pub enum Kind {
     /// A kick of a Hénon layer.

@@ -253,11 +253,15 @@ impl<'a> OnSlowManifold<'a> {
     /// `7.5 % in the median of 5 sets of initial weights, 11 % at worst`.
     fn in_words(&self, network: &str, key: &str) -> String {
         let shares = self.shares(network, key);
+        let or_lost = |share: f64| match share.is_nan() {
+            true => "lost orbits".to_owned(),
+            false => percent(share),
+        };
         format!(
             "`{network}` {} in the median of {}, {} at worst",
-            percent(self.median(network, key)),
+            or_lost(self.median(network, key)),
             sets_of_weights(shares.len()),
-            percent(largest(shares.into_iter()))
+            or_lost(largest(shares.into_iter()))
         )
     }
 
