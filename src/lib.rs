@@ -48,7 +48,7 @@
 //! - [`system`]: the Hamiltonian systems, and one that dissipates.
 //! - [`flow`]: their flows, and data sets of flow maps.
 //! - [`measure`]: from a map and points to numbers; the laws, generic over the
-//!   map; the structure certificate; error against run time.
+//!   map; the structure certificate, a test on samples; error against run time.
 //! - [`train`]: [`Fit`](train::Fit), the one way from pairs to a model; the loss, the optimisers,
 //!   schedules, checkpoints; the [judgement](train::Judgement) of a training.
 //! - `io` (feature `files`): models, data sets, weights of others.

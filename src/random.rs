@@ -25,7 +25,7 @@ impl Stream {
         Self { generator: Pcg64::from_seed(digest) }
     }
 
-    /// Uniform in [0, 1), 53 bits.
+    /// The next number, uniform in [0, 1), of 53 bits.
     pub fn unit(&mut self) -> f64 {
         (self.generator.next_u64() >> 11) as f64 * (f64::EPSILON / 2.0)
     }

@@ -16,7 +16,7 @@ const ADAPTORS: [&str; 10] = [
     "WithDomain",
     "Solved",
     "InUnits",
-    "ShearMap",
+    "StepMap",
     "KickMap",
     "TwistPart",
     "&M",

@@ -374,7 +374,7 @@ pub struct Train {
     /// Weights of the planes in the loss and in the held-out error that chooses the model, scaled
     /// to mean 1: `auto` weighs each plane by its own motion beside the rotation, the inverse of
     /// its mean square; or n or 2n positive numbers, for the planes or for q1 … qn, p1 … pn;
-    /// or `none` [default: those of the scene, or auto].
+    /// or `none` [default: those of the scene or the recipe, or auto].
     #[arg(long, value_name = "WEIGHTS", allow_hyphen_values = true)]
     pub loss_weights: Option<String>,
     /// Stop when the held-out error has not improved for so many evaluations of it, one

@@ -19,7 +19,7 @@ pub fn write_atomically(
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
     };
-    let attempt = || -> std::io::Result<()> {
+    let write = || -> std::io::Result<()> {
         let mut builder = tempfile::Builder::new();
         builder.prefix(TEMPORARY);
         // Temporary files are private by default; results follow the umask.
@@ -33,7 +33,7 @@ pub fn write_atomically(
         file.persist(path).map_err(|e| e.error)?;
         Ok(())
     };
-    attempt().map_err(|reason| Error::write(path, reason))
+    write().map_err(|reason| Error::write(path, reason))
 }
 
 /// SHA-256 of a file, in hexadecimal.

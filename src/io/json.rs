@@ -196,7 +196,8 @@ impl StoredModel {
         self.with_epsilon_and_time(epsilon, time)
     }
 
-    /// That ε or the flow time is outside of those of the pairs, in words; None where it is not, or they are not known.
+    /// Says in words that ε or the flow time is outside of those of the pairs; None where it is not, or they are not
+    /// known.
     pub fn beyond_learnt(&self) -> Option<String> {
         let learnt = self.provenance.learnt.as_ref()?;
         let time = self.provenance.flow_time.zip(learnt.flow_times);
@@ -358,6 +359,9 @@ impl StoredModel {
     }
 
     /// The orbits of [`StoredModel::followed`], asking the pace from time to time whether to continue.
+    ///
+    /// # Errors
+    /// Those of [`StoredModel::followed`], and that of the pace where it says to stop.
     #[doc(hidden)]
     pub fn followed_at_pace(
         &self,

@@ -82,6 +82,9 @@ fn numbers(descr: &str) -> Option<(usize, Decode)> {
 /// bytes; `place` names it in errors. What follows the array is left unread.
 ///
 /// The memory used is that of the numbers which the source really holds, whatever its header says.
+///
+/// # Errors
+/// When the source cannot be read, is no such array, or ends before its last number.
 pub fn read_array(place: &str, source: &mut impl Read, size: u64) -> Result<Array, Error> {
     let malformed = |reason: String| Error::content(place, "an array in the NPY format", reason);
     let text = header_text(source).map_err(malformed)?;

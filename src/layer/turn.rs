@@ -356,7 +356,7 @@ impl<P: Real> Turn<P> {
         }
     }
 
-    /// Each plane by its own angle.
+    /// The turn of each plane (q_j, p_j) by its own angle, in radians; `angles` has one for each plane.
     pub fn by_angles(angles: &[P]) -> Self {
         TorusAction::of_planes(angles.len()).turn_by(angles)
     }

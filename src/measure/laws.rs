@@ -19,7 +19,7 @@ use super::{
     coordinate::Coordinate,
     equivariance::{NormalFormed, action_ratio, equivariance_ratio},
     measurable::{Measurable, NearlyPeriodic},
-    measured_step::{MeasuredStep, ShearMap, TrackedStep},
+    measured_step::{MeasuredStep, StepMap, TrackedStep},
     rounding::RoundingPropagation,
     samples::CertificateOptions,
     symplecticity::symplecticity_ratio,
@@ -430,7 +430,7 @@ pub fn normal_form(map: &dyn NormalFormed, points: &[f64]) -> Tally {
 pub fn reversibility(map: &dyn Measurable, reversor: Reversor, points: &[f64]) -> Tally {
     let (dof, forward) = (map.dof(), Direction::Forward);
     let reflection = || -> Box<dyn MeasuredStep> {
-        let map = ShearMap(Reflection { dof, reversor });
+        let map = StepMap(Reflection { dof, reversor });
         Box::new(TrackedStep { map, direction: forward })
     };
     let mut back = vec![reflection()];

@@ -1,6 +1,6 @@
 //! Couplings as measures see them.
 
-use super::measured_step::{MeasuredStep, ROOM, ShearMap, TrackedStep, at_most};
+use super::measured_step::{MeasuredStep, ROOM, StepMap, TrackedStep, at_most};
 use crate::layer::TurnedCoupling;
 use crate::phase::Direction;
 use crate::scalar::{Dual, Elementary, Scalar};
@@ -10,12 +10,12 @@ use crate::scalar::{Dual, Elementary, Scalar};
 /// step in between.
 pub(super) struct CouplingStep<'a, const D: usize> {
     coupling: TurnedCoupling<'a, f64, D>,
-    tracked: TrackedStep<ShearMap<TurnedCoupling<'a, f64, D>>>,
+    tracked: TrackedStep<StepMap<TurnedCoupling<'a, f64, D>>>,
 }
 
 impl<'a, const D: usize> CouplingStep<'a, D> {
     pub(super) fn new(coupling: TurnedCoupling<'a, f64, D>) -> Self {
-        let tracked = TrackedStep { map: ShearMap(coupling), direction: Direction::Forward };
+        let tracked = TrackedStep { map: StepMap(coupling), direction: Direction::Forward };
         Self { coupling, tracked }
     }
 }

@@ -1,7 +1,7 @@
 //! The steps of networks as measures see them.
 
 use super::measured_coupling::CouplingStep;
-use super::measured_step::{MeasuredPotential, MeasuredSteps, ShearMap, TrackedStep, turn_steps};
+use super::measured_step::{MeasuredPotential, MeasuredSteps, StepMap, TrackedStep, turn_steps};
 use super::measured_twist::TwistStep;
 use crate::layer::{
     ElementaryMap, Kick, RidgePotential, TurnStep, TurnedCoupling, TurnedKick, Twist,
@@ -16,8 +16,8 @@ pub(super) struct AsMeasured;
 impl<'a> Visitor<'a, f64> for AsMeasured {
     type Output = MeasuredSteps<'a>;
 
-    fn visit(self, shear: impl ElementaryMap<f64> + 'a) -> MeasuredSteps<'a> {
-        vec![Box::new(TrackedStep { map: ShearMap(shear), direction: Direction::Forward })]
+    fn visit(self, map: impl ElementaryMap<f64> + 'a) -> MeasuredSteps<'a> {
+        vec![Box::new(TrackedStep { map: StepMap(map), direction: Direction::Forward })]
     }
 
     fn visit_kick<const D: usize>(

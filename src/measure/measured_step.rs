@@ -658,9 +658,9 @@ impl<M: Numbers> MeasuredStep for TrackedStep<M> {
 }
 
 /// A step of a network as a map.
-pub(super) struct ShearMap<T>(pub(super) T);
+pub(super) struct StepMap<T>(pub(super) T);
 
-impl<S: Over<f64>, T: ElementaryMap<f64>> Map<S> for ShearMap<T> {
+impl<S: Over<f64>, T: ElementaryMap<f64>> Map<S> for StepMap<T> {
     fn dof(&self) -> usize {
         self.0.dof()
     }
@@ -674,6 +674,6 @@ impl<S: Over<f64>, T: ElementaryMap<f64>> Map<S> for ShearMap<T> {
 
 /// z ← the step of z: compiled once for both directions.
 #[inline(never)]
-fn apply_outlined<S: Over<f64>>(shear: impl ElementaryMap<f64>, z: &mut [S]) {
-    shear.apply(z, &mut vec![S::zero(); z.len()]);
+fn apply_outlined<S: Over<f64>>(map: impl ElementaryMap<f64>, z: &mut [S]) {
+    map.apply(z, &mut vec![S::zero(); z.len()]);
 }

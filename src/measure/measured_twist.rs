@@ -1,6 +1,6 @@
 //! Twists as measures see them: the scales of the rounding errors of each of their shears.
 
-use super::measured_step::ShearMap;
+use super::measured_step::StepMap;
 use super::measured_step::{MeasuredStep, TrackedStep};
 use super::rounding::{carry, hypot_or_nan, product};
 use crate::layer::Twist;
@@ -93,11 +93,11 @@ impl<'a, const D: usize> Parts<'a, D> {
 
 impl<const D: usize> MeasuredStep for TwistStep<'_, D> {
     fn apply(&self, z: &mut [f64]) {
-        ShearMap(self.0).forward(z);
+        StepMap(self.0).forward(z);
     }
 
     fn apply_tangent(&self, z: &mut [Dual<f64, 8>]) {
-        ShearMap(self.0).forward(z);
+        StepMap(self.0).forward(z);
     }
 
     fn jacobian_magnitude(&self, z: &[f64], before: &[f64], _: &[f64], e: &mut [f64]) {

@@ -9,15 +9,15 @@ use crate::layer::{
 use crate::scalar::Scalar;
 
 impl<P: Scalar> Composition<P> {
-    /// Hands the shear that a step is, or its inverse when `undo`, to the visitor.
+    /// Hands the elementary map that a step is, or its inverse when `is_inverse`, to the visitor.
     #[inline(always)]
     pub(super) fn bind<'a, T: Visitor<'a, P>>(
         &'a self,
         step: &'a Step,
-        undo: bool,
+        is_inverse: bool,
         visitor: T,
     ) -> T::Output {
-        let inverse = step.inverse != undo;
+        let inverse = step.inverse != is_inverse;
         let parameters = &self.parameters()[step.parameters.clone()];
         let scale = if step.near_identity { self.epsilon() } else { P::from_f64(1.0) };
         let scale = step.time.map_or(scale, |time| scale * P::from_f64(time));

@@ -56,8 +56,8 @@ struct Sizes;
 impl<'a, P: Scalar> Visitor<'a, P> for Sizes {
     type Output = (usize, usize);
     #[inline(always)]
-    fn visit(self, shear: impl ElementaryMap<P> + 'a) -> (usize, usize) {
-        (shear.tape_len(), shear.activation_count())
+    fn visit(self, map: impl ElementaryMap<P> + 'a) -> (usize, usize) {
+        (map.tape_len(), map.activation_count())
     }
 }
 
@@ -73,8 +73,8 @@ where
 {
     type Output = f64;
     #[inline(always)]
-    fn visit(self, shear: impl ElementaryMap<P> + 'a) -> f64 {
-        shear.reach(self.z, self.scratch)
+    fn visit(self, map: impl ElementaryMap<P> + 'a) -> f64 {
+        map.reach(self.z, self.scratch)
     }
 }
 
@@ -105,19 +105,19 @@ impl<P: Scalar> Composition<P> {
     pub(super) fn push_all(&mut self, other: &Self, offset: usize, direction: Direction) {
         let turns = self.turns.len();
         self.turns.extend(other.turns.iter().cloned());
-        let undo = direction == Direction::Inverse;
+        let is_inverse = direction == Direction::Inverse;
         let moved = other.steps.iter().map(|step| {
             let mut kind = step.kind.clone();
             kind.prepared_mut().into_iter().for_each(|prepared| *prepared += turns);
             Step {
                 kind,
                 parameters: step.parameters.start + offset..step.parameters.end + offset,
-                inverse: step.inverse != undo,
+                inverse: step.inverse != is_inverse,
                 near_identity: step.near_identity,
                 time: step.time,
             }
         });
-        if undo { self.steps.extend(moved.rev()) } else { self.steps.extend(moved) }
+        if is_inverse { self.steps.extend(moved.rev()) } else { self.steps.extend(moved) }
     }
 
     /// This map followed by another one or its inverse. Its parameters are those of
@@ -345,10 +345,10 @@ impl<P: Scalar> Composition<P> {
         direction: Direction,
         visitor: T,
     ) -> Vec<T::Output> {
-        let undo = direction == Direction::Inverse;
+        let is_inverse = direction == Direction::Inverse;
         let mut out: Vec<_> =
-            self.steps.iter().map(|step| self.bind(step, undo, visitor)).collect();
-        if undo {
+            self.steps.iter().map(|step| self.bind(step, is_inverse, visitor)).collect();
+        if is_inverse {
             out.reverse();
         }
         out
@@ -383,11 +383,11 @@ impl<P: Scalar> Composition<P> {
     /// processor has the others.
     #[inline(always)]
     pub(crate) fn apply<S: Over<P>>(&self, direction: Direction, z: &mut [S], scratch: &mut [S]) {
-        let undo = direction == Direction::Inverse;
+        let is_inverse = direction == Direction::Inverse;
         for number in 0..self.steps.len() {
             // One loop for both: the step is compiled into it once.
-            let number = if undo { self.steps.len() - 1 - number } else { number };
-            self.bind(&self.steps[number], undo, Apply { z, scratch });
+            let number = if is_inverse { self.steps.len() - 1 - number } else { number };
+            self.bind(&self.steps[number], is_inverse, Apply { z, scratch });
         }
     }
 
@@ -399,10 +399,10 @@ impl<P: Scalar> Composition<P> {
         z: &mut [S],
         scratch: &mut [S],
     ) {
-        let undo = direction == Direction::Inverse;
+        let is_inverse = direction == Direction::Inverse;
         for number in 0..self.steps.len() {
-            let number = if undo { self.steps.len() - 1 - number } else { number };
-            self.bind(&self.steps[number], undo, ApplyShears(Apply { z, scratch }));
+            let number = if is_inverse { self.steps.len() - 1 - number } else { number };
+            self.bind(&self.steps[number], is_inverse, ApplyShears(Apply { z, scratch }));
         }
     }
 
@@ -417,11 +417,11 @@ impl<P: Scalar> Composition<P> {
     ) where
         P: Over<P>,
     {
-        let undo = direction == Direction::Inverse;
+        let is_inverse = direction == Direction::Inverse;
         for number in 0..self.steps.len() {
-            let number = if undo { self.steps.len() - 1 - number } else { number };
+            let number = if is_inverse { self.steps.len() - 1 - number } else { number };
             let across = Across::<P, V> { z, scratch, lanes: PhantomData };
-            self.bind(&self.steps[number], undo, across);
+            self.bind(&self.steps[number], is_inverse, across);
         }
     }
 

@@ -461,6 +461,9 @@ impl NetworkSpec {
     }
 
     /// [`NetworkSpec::check`] with at least so many layers of each part, which may be none.
+    ///
+    /// # Errors
+    /// Those of [`NetworkSpec::check`], and of a part with fewer layers.
     pub fn check_from(&self, least: usize) -> Result<(), Error> {
         let named = match &self.kind[..] {
             Self::FILE | Self::BLOCKS => None,

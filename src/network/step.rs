@@ -84,6 +84,7 @@ pub enum Kind {
 
 impl Kind {
     /// The name of the kind in generated source code.
+    #[cfg(feature = "files")]
     pub(crate) fn name(&self) -> &'static str {
         match self {
             Self::Kick { .. } => "kick",
@@ -165,7 +166,7 @@ pub trait Visitor<'a, P: Scalar>: Sized {
     const SPECIALISED: bool = false;
 
     /// Takes a step of any kind that has no method of its own here.
-    fn visit(self, shear: impl ElementaryMap<P> + 'a) -> Self::Output;
+    fn visit(self, map: impl ElementaryMap<P> + 'a) -> Self::Output;
 
     /// Takes a kick of a Hénon layer.
     #[inline(always)]

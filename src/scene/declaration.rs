@@ -84,7 +84,7 @@ impl Scene {
     /// Fails unless each stage of each training has a checkpoint of its own.
     fn check_files(&self) -> Result<(), Error> {
         let mut names = BTreeSet::new();
-        for SeededTraining { spec, .. } in self.attempts() {
+        for SeededTraining { spec, .. } in self.trainings() {
             for stage in TrainingStage::all(self.setup.training_of(&spec)) {
                 let name = format!("{}{}", spec.name, stage.suffix());
                 if !names.insert(name.clone()) {
@@ -339,8 +339,8 @@ impl Scene {
     }
 
     /// All trainings: of the set-up, and of studies that train networks of their own.
-    pub(super) fn attempts(&self) -> Vec<SeededTraining> {
-        let mut out: Vec<SeededTraining> = self.setup.attempts().collect();
+    pub(super) fn trainings(&self) -> Vec<SeededTraining> {
+        let mut out: Vec<SeededTraining> = self.setup.trainings().collect();
         let studies = self.studies.iter().map(AnyStudy::study);
         let own = studies.flat_map(|study| study.trainings(&self.setup));
         out.extend(own.map(|own| own.training));
@@ -372,7 +372,7 @@ impl Scene {
             setup: &self.setup,
             plots: &self.plots,
             has_parts: !self.parts.is_empty(),
-            trainings: self.attempts().len(),
+            trainings: self.trainings().len(),
             options: self.studies.iter().map(|any| any.study() as &dyn Any).collect(),
         }
     }

@@ -175,13 +175,13 @@ impl Folder {
         let mut names = self.names_of_report(earlier.as_ref());
         names.extend(KEPT.iter().chain(&CHECKPOINTS).map(|name| (*name).to_owned()));
         if let Some(earlier) = earlier {
-            for attempt in earlier.attempts() {
-                for stage in TrainingStage::all(earlier.setup.training_of(&attempt.spec)) {
+            for training in earlier.trainings() {
+                for stage in TrainingStage::all(earlier.setup.training_of(&training.spec)) {
                     let suffix = stage.suffix();
                     names.push(format!("checkpoint{suffix}"));
-                    names.push(format!("checkpoint-{}{suffix}", attempt.spec.name));
+                    names.push(format!("checkpoint-{}{suffix}", training.spec.name));
                 }
-                names.push(format!("model-{}.json", attempt.spec.name));
+                names.push(format!("model-{}.json", training.spec.name));
             }
             for part in &earlier.parts {
                 let part = Self { path: self.file(&part.name), ..self.clone() };

@@ -32,24 +32,24 @@ impl Context<'_> {
     /// The networks, trained, with those that are here for their training only: from
     /// their checkpoints where the run goes on with one.
     pub(super) fn all_models(&mut self) -> Result<Vec<Rc<Trained>>, RunError> {
-        let attempts: Vec<_> = self.scene.setup.attempts().collect();
-        attempts.into_iter().map(|attempt| self.learn_own(attempt)).collect()
+        let trainings: Vec<_> = self.scene.setup.trainings().collect();
+        trainings.into_iter().map(|training| self.learn_own(training)).collect()
     }
 
     /// A training of the set-up, by the name of its files.
     pub(super) fn of_setup(&mut self, name: &str) -> Result<Rc<Trained>, RunError> {
-        let mut attempts = self.scene.setup.attempts();
-        let attempt = attempts.find(|attempt| attempt.spec.name == name);
+        let mut trainings = self.scene.setup.trainings();
+        let training = trainings.find(|training| training.spec.name == name);
         let unknown = || Error::invalid("training", name, "a network of the set-up");
-        self.learn_own(attempt.ok_or_else(unknown)?)
+        self.learn_own(training.ok_or_else(unknown)?)
     }
 
-    fn learn_own(&mut self, attempt: SeededTraining) -> Result<Rc<Trained>, RunError> {
-        if let Some(made) = self.learnt(&attempt.spec.name) {
+    fn learn_own(&mut self, training: SeededTraining) -> Result<Rc<Trained>, RunError> {
+        if let Some(made) = self.learnt(&training.spec.name) {
             return Ok(made);
         }
         let (data, time) = (self.data()?, self.flow_time()?);
-        self.learn(attempt, &data, time, None)
+        self.learn(training, &data, time, None)
     }
 
     /// What a training, by the name of its files, has come to in this run.
@@ -61,13 +61,13 @@ impl Context<'_> {
     /// first of its starts has the weights of the same network at an earlier flow time, if it is given with that time.
     pub(super) fn learn(
         &mut self,
-        attempt: SeededTraining,
+        training: SeededTraining,
         data: &DataSets,
         time: f64,
         from: Option<(&Model, f64)>,
     ) -> Result<Rc<Trained>, RunError> {
-        let name = format!("training {}", attempt.spec.name);
-        let made = self.stage(&name, |context| learn_at(context, data, attempt, time, from))?;
+        let name = format!("training {}", training.spec.name);
+        let made = self.stage(&name, |context| learn_at(context, data, training, time, from))?;
         let made = Rc::new(made);
         self.learnt.push(Rc::clone(&made));
         Ok(made)
@@ -161,11 +161,11 @@ pub(super) struct BySeed {
 fn learn_at(
     context: &mut Context<'_>,
     data: &DataSets,
-    attempt: SeededTraining,
+    training: SeededTraining,
     time: f64,
     from: Option<(&Model, f64)>,
 ) -> Result<Trained, RunError> {
-    let SeededTraining { spec, network, number } = attempt;
+    let SeededTraining { spec, network, number } = training;
     let (scene, folder) = (context.scene, context.folder);
     let target = context.target()?;
     let mut options = scene.setup.training_of(&spec).clone();

@@ -146,9 +146,9 @@ impl Planning {
             data,
             files: file_digests(scene)?,
         };
-        for attempt in setup.attempts().filter(|attempt| !attempt.spec.network.is_of_file()) {
-            let (time, task) = (own_time, Task::Own(attempt.clone()));
-            self.add_training(&common, &attempt, (time, None, ""), true, task);
+        for training in setup.trainings().filter(|training| !training.spec.network.is_of_file()) {
+            let (time, task) = (own_time, Task::Own(training.clone()));
+            self.add_training(&common, &training, (time, None, ""), true, task);
         }
         for study in scene.studies.iter().map(AnyStudy::study) {
             for own in study.trainings(setup) {

@@ -210,7 +210,7 @@ impl ModelSpec {
     pub const OWN_WEIGHTS: InitialWeights = InitialWeights::Normal { scale: 0.15 };
 
     /// One for each of its seeds.
-    pub(super) fn attempts(&self) -> impl Iterator<Item = SeededTraining> + '_ {
+    pub(super) fn trainings(&self) -> impl Iterator<Item = SeededTraining> + '_ {
         (0..self.seeds.unwrap_or(1)).map(|number| {
             let mut spec = self.clone();
             if number > 0 {
@@ -392,8 +392,8 @@ impl Setup {
     }
 
     /// All trainings of the set-up: each network from each of its sets of initial weights.
-    pub(super) fn attempts(&self) -> impl Iterator<Item = SeededTraining> + '_ {
-        self.models.iter().flat_map(ModelSpec::attempts)
+    pub(super) fn trainings(&self) -> impl Iterator<Item = SeededTraining> + '_ {
+        self.models.iter().flat_map(ModelSpec::trainings)
     }
 
     /// How a network is trained.

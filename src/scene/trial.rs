@@ -110,14 +110,14 @@ impl Trial {
         let made = context.data().is_ok();
         let data = made.then(|| start.elapsed().as_secs_f64() / share);
         let pairs = context.data().map_or(0, |data| data.training.len());
-        let mut of = |attempt: SeededTraining| {
+        let mut of = |training: SeededTraining| {
             // It is interrupted, or over, or fails; what it took until then is watched.
-            let ended = context.of_setup(&attempt.spec.name);
+            let ended = context.of_setup(&training.spec.name);
             drop(ended);
-            let more = more_pairs_an_iteration(scene, &attempt.spec, pairs, share);
-            (attempt.network, more)
+            let more = more_pairs_an_iteration(scene, &training.spec, pairs, share);
+            (training.network, more)
         };
-        let own = short.setup.attempts().filter(|attempt| !attempt.spec.network.is_of_file());
+        let own = short.setup.trainings().filter(|training| !training.spec.network.is_of_file());
         let own = own.take_while(|_| !observer.interrupted());
         let networks: Vec<_> = if made { own.map(&mut of).collect() } else { Vec::new() };
         let seconds = |(network, more): (String, Option<f64>)| {

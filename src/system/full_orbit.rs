@@ -28,7 +28,7 @@ pub struct FullOrbit {
 }
 
 impl FullOrbit {
-    /// k = 1, f = ½.
+    /// The system at this ε, with the wavenumber k = 1 and the amplitude f = ½ of its potential.
     pub fn new(epsilon: f64) -> Self {
         Self { epsilon, wavenumber: Self::wavenumber(), potential: Self::potential() }
     }

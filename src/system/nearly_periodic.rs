@@ -8,7 +8,7 @@ use crate::scalar::{Elementary, max_or_nan};
 /// [`NearlyPeriodic::average_constants`].
 #[derive(Clone, Copy, Debug)]
 pub struct AverageConstants<S = f64> {
-    /// Those of the first order: at most four, others are 0.
+    /// The constants of the first order of the average: at most four, others are 0.
     pub first: [S; 4],
     /// The coefficients of the second order, each with its derivative by the action: at most six, others are 0. None
     /// where the average is of first order.

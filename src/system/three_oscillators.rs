@@ -22,7 +22,7 @@ pub struct ThreeOscillators {
 }
 
 impl ThreeOscillators {
-    /// ω = ½(1 + √5), the farthest from all ratios of small integers.
+    /// The system at this ε, with ω = ½(1 + √5), the farthest from all ratios of small integers.
     pub fn new(epsilon: f64) -> Self {
         Self { epsilon, frequency: Self::golden_mean() }
     }

@@ -231,7 +231,7 @@ impl<'a> Objective<'a> {
 
     /// Half the derivative of the penalty by each angle, with the index of the angle among the
     /// parameters; empty for angles that are fixed.
-    pub(super) fn angle_pulls(&self, map: &Composition<f64>) -> Vec<(usize, f64)> {
+    pub(super) fn angle_penalty_gradients(&self, map: &Composition<f64>) -> Vec<(usize, f64)> {
         let Some((penalty, goals)) = self.angle_penalty.as_ref().filter(|_| !self.angles_fixed)
         else {
             return Vec::new();
@@ -250,7 +250,7 @@ impl<'a> Objective<'a> {
     /// The penalty of the angles.
     pub(super) fn angle_cost(&self, map: &Composition<f64>) -> f64 {
         let stiffness = self.angle_stiffness();
-        self.angle_pulls(map).iter().map(|(_, pull)| pull * (pull / stiffness)).sum()
+        self.angle_penalty_gradients(map).iter().map(|(_, pull)| pull * (pull / stiffness)).sum()
     }
 
     /// The largest weight of a component; 1 where all are 0.
@@ -343,7 +343,7 @@ impl<'a> Objective<'a> {
         for g in &mut *gradient {
             *g /= count;
         }
-        for (k, pull) in self.angle_pulls(map) {
+        for (k, pull) in self.angle_penalty_gradients(map) {
             gradient[k] += 2.0 * pull;
         }
         total / count + self.angle_cost(map)
@@ -389,7 +389,7 @@ impl<'a> Objective<'a> {
         for d in &mut diagonal {
             *d *= 2.0 / self.pairs.len() as f64;
         }
-        for (k, _) in self.angle_pulls(map) {
+        for (k, _) in self.angle_penalty_gradients(map) {
             diagonal[k] += 2.0 * self.angle_stiffness();
         }
         diagonal

@@ -111,7 +111,7 @@ impl Objective<'_> {
             }
             out
         };
-        for (k, pull) in self.angle_pulls(map) {
+        for (k, pull) in self.angle_penalty_gradients(map) {
             out.matrix[(k, k)] += 2.0 * self.angle_stiffness();
             out.gradient[k] += 2.0 * pull;
         }

@@ -185,7 +185,7 @@ pub fn train_schedule(
             let iterations = starts.iterations;
             let run =
                 Run { stage: TrainingStage::Start(number), place: first, iterations, options };
-            let Some((outcome, checkpoint)) = run.attempt(&model, observer, &mut stages)? else {
+            let Some((outcome, checkpoint)) = run.train_from(&model, observer, &mut stages)? else {
                 continue;
             };
             if outcome.stop == Stop::Interrupted {
@@ -275,7 +275,7 @@ fn train_twists(
         let twists = draw(number)?.without_chart()?;
         let (stage, iterations) = (TrainingStage::Twists(number), fresh.iterations);
         let run = Run { stage, place, iterations, options };
-        let Some((outcome, _)) = run.attempt(&twists, observer, stages)? else { continue };
+        let Some((outcome, _)) = run.train_from(&twists, observer, stages)? else { continue };
         if outcome.stop == Stop::Interrupted {
             return Ok(ControlFlow::Break(outcome));
         }
@@ -325,7 +325,7 @@ struct Run<'a> {
 impl Run<'_> {
     /// [`Run::go`] of weights that need not be the best, with what became of them; None where
     /// nothing can be computed from them.
-    fn attempt(
+    fn train_from(
         self,
         model: &Model,
         observer: &mut dyn TrainingObserver,

@@ -226,17 +226,17 @@ struct Record {
 impl<'a> Visitor<'a, f64> for Record {
     type Output = Trace;
 
-    fn visit(self, shear: impl ElementaryMap<f64> + 'a) -> Trace {
-        let dim = 2 * shear.dof();
+    fn visit(self, map: impl ElementaryMap<f64> + 'a) -> Trace {
+        let dim = 2 * map.dof();
         let scratch = || vec![Traced::zero(); dim + dim * dim];
         match self.tangent {
             false => Trace::new(dim, |z| {
-                shear.apply(z, &mut scratch());
+                map.apply(z, &mut scratch());
                 z.to_vec()
             }),
             true => Trace::new(2 * dim, |both| {
                 let (z, direction) = both.split_at_mut(dim);
-                shear.jvp(z, direction, &mut scratch());
+                map.jvp(z, direction, &mut scratch());
                 both.to_vec()
             }),
         }

@@ -18,6 +18,6 @@ visit_outlined!([P: Over<P>, V: Pack<P>] Across<'_, P, V>, V);
 impl<P: Over<P>, V: Pack<P>, T: ElementaryMap<P>> Task for OfEach<P, T, Across<'_, P, V>> {
     #[inline(always)]
     fn run(self) {
-        self.shear.apply_across::<V>(self.work.z, self.work.scratch);
+        self.map.apply_across::<V>(self.work.z, self.work.scratch);
     }
 }

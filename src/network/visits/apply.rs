@@ -18,7 +18,7 @@ impl<P: Scalar, S: Over<P>, T: ElementaryMap<P>> Task for OfEach<P, T, Apply<'_,
     #[inline(always)]
     fn run(self) {
         let Apply { z, scratch } = self.work;
-        self.shear.apply_each(z, scratch);
+        self.map.apply_each(z, scratch);
     }
 }
 
@@ -30,8 +30,8 @@ impl<'a, P: Scalar, S: Over<P>> Visitor<'a, P> for ApplyShears<'_, S> {
     const SPECIALISED: bool = S::SPECIALISED;
 
     #[inline(always)]
-    fn visit(self, shear: impl ElementaryMap<P> + 'a) {
-        S::outlined(OfEach { shear, work: self.0, parameters: PhantomData });
+    fn visit(self, map: impl ElementaryMap<P> + 'a) {
+        S::outlined(OfEach { map, work: self.0, parameters: PhantomData });
     }
 
     #[inline(always)]

@@ -19,10 +19,10 @@ impl<P: Scalar, S: Over<P>, T: ElementaryMap<P>> Task for OfEach<P, T, ForwardRe
     #[inline(always)]
     fn run(self) {
         let ForwardRecorded { z, tape, scratch } = self.work;
-        let (dim, size) = (2 * self.shear.dof(), self.shear.tape_len());
+        let (dim, size) = (2 * self.map.dof(), self.map.tape_len());
         for k in 0..z.len() / dim {
             let tape = &mut tape[k * size..(k + 1) * size];
-            self.shear.forward_recorded(&mut z[k * dim..(k + 1) * dim], tape, scratch);
+            self.map.forward_recorded(&mut z[k * dim..(k + 1) * dim], tape, scratch);
         }
     }
 }

@@ -19,6 +19,6 @@ impl<P: Scalar, S: Over<P>, T: ElementaryMap<P>> Task for OfEach<P, T, Jvp<'_, S
     #[inline(always)]
     fn run(self) {
         let Jvp { z, directions, scratch } = self.work;
-        self.shear.jvp(z, directions, scratch);
+        self.map.jvp(z, directions, scratch);
     }
 }

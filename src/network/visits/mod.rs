@@ -15,7 +15,7 @@ pub(super) use forward_recorded::ForwardRecorded;
 pub(super) use jvp::Jvp;
 pub(super) use vjp::Vjp;
 
-/// A visitor whose work on each shear is compiled as a function of its own, for the registers of `$number`: a task of
+/// A visitor whose work on each step is compiled as a function of its own, for the registers of `$number`: a task of
 /// the module that this is used in.
 macro_rules! visit_outlined {
     ([$($generics:tt)*] $visitor:ty, $number:ident) => {
@@ -23,14 +23,14 @@ macro_rules! visit_outlined {
             type Output = ();
             const SPECIALISED: bool = $number::SPECIALISED;
             #[inline(always)]
-            fn visit(self, shear: impl ElementaryMap<P> + 'a) {
-                $number::outlined(OfEach { shear, work: self, parameters: PhantomData });
+            fn visit(self, map: impl ElementaryMap<P> + 'a) {
+                $number::outlined(OfEach { map, work: self, parameters: PhantomData });
             }
         }
 
-        /// What the visitor does with a shear.
+        /// What the visitor does with a step.
         struct OfEach<P, T, W> {
-            shear: T,
+            map: T,
             work: W,
             parameters: PhantomData<P>,
         }

@@ -20,6 +20,6 @@ impl<P: Scalar, S: Over<P>, T: ElementaryMap<P>> Task for OfEach<P, T, Vjp<'_, S
     #[inline(always)]
     fn run(self) {
         let Vjp { tape, z_bar, parameters_bar, scratch } = self.work;
-        self.shear.vjp_each(tape, z_bar, parameters_bar, scratch);
+        self.map.vjp_each(tape, z_bar, parameters_bar, scratch);
     }
 }

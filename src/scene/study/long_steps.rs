@@ -229,7 +229,7 @@ impl Study for LongStepsOptions {
     }
 
     fn trainings(&self, setup: &Setup) -> Vec<StudyTraining> {
-        self.others(setup).flat_map(|time| self.attempts(setup, time)).collect()
+        self.others(setup).flat_map(|time| self.trainings_at(setup, time)).collect()
     }
 
     fn train_new(
@@ -363,7 +363,7 @@ impl LongStepsOptions {
     }
 
     /// The trainings of this study at a flow time, one for each network.
-    fn attempts(&self, setup: &Setup, time: f64) -> Vec<StudyTraining> {
+    fn trainings_at(&self, setup: &Setup, time: f64) -> Vec<StudyTraining> {
         // A name is that of a file.
         let name_at = |model: &ModelSpec, time: f64| {
             format!("{}-at-{}", model.name, time.to_string().replace('.', "_"))
@@ -396,9 +396,9 @@ impl LongStepsOptions {
         if self.others(setup).all(|other| other != time) {
             return context.models();
         }
-        let attempts = self.attempts(setup, time);
+        let trainings = self.trainings_at(setup, time);
         let all: Result<Vec<_>, RunError> =
-            attempts.iter().map(|training| self.train(context, training)).collect();
+            trainings.iter().map(|training| self.train(context, training)).collect();
         without_lost(all?)
     }
 

@@ -139,7 +139,7 @@ impl Study for NoiseOptions {
     }
 
     fn trainings(&self, setup: &Setup) -> Vec<StudyTraining> {
-        self.faults().skip(1).flat_map(|fault| attempts(setup, fault)).collect()
+        self.faults().skip(1).flat_map(|fault| trainings_with(setup, fault)).collect()
     }
 
     fn train_new(
@@ -150,8 +150,8 @@ impl Study for NoiseOptions {
         let fault = self.faults().find(|fault| fault.name() == training.fault);
         let unknown = || Error::invalid(self.name(), &training.fault, "a fault of the study");
         let data = self.changed(context, fault.ok_or_else(unknown)?)?;
-        let attempt = training.training.clone();
-        context.learn(attempt, &data, training.flow_time, None)
+        let own = training.training.clone();
+        context.learn(own, &data, training.flow_time, None)
     }
 
     fn run(&self, context: &mut Context<'_>) -> Result<Findings, RunError> {
@@ -170,7 +170,7 @@ impl Study for NoiseOptions {
                 Fault::None => context.by_network()?,
                 _ => {
                     let mut networks: Vec<BySeed> = Vec::new();
-                    for training in attempts(context.scene.setup, fault) {
+                    for training in trainings_with(context.scene.setup, fault) {
                         let trained = self.train(context, &training)?;
                         match networks.last_mut().filter(|of| of.network == trained.network) {
                             Some(of) => of.seeds.push(trained),
@@ -342,7 +342,7 @@ impl OfSeed {
 }
 
 /// The trainings on pairs with a fault.
-fn attempts(setup: &Setup, fault: Fault) -> Vec<StudyTraining> {
+fn trainings_with(setup: &Setup, fault: Fault) -> Vec<StudyTraining> {
     let models = setup.models.iter().filter(|model| !model.training_only);
     let of = |mut training: SeededTraining| {
         training.spec.seeds = None;
@@ -351,7 +351,7 @@ fn attempts(setup: &Setup, fault: Fault) -> Vec<StudyTraining> {
         let flow_time = setup.flow_time.unwrap_or(f64::NAN);
         StudyTraining { training, flow_time, from: None, fault: fault.name() }
     };
-    models.flat_map(ModelSpec::attempts).map(of).collect()
+    models.flat_map(ModelSpec::trainings).map(of).collect()
 }
 
 /// The pairs with a fault.

@@ -139,14 +139,14 @@ impl Study for WhichActionOptions {
         };
         let wanted = self.tries.saturating_mul(self.pairs);
         Error::check_count_range("pairs for all tries", all.len(), wanted, usize::MAX)?;
-        let mut tries: Vec<Attempted> = context.folder.earlier(CHECKPOINT)?.unwrap_or_default();
+        let mut tries: Vec<WithAction> = context.folder.earlier(CHECKPOINT)?.unwrap_or_default();
         for number in tries.len()..self.tries {
             // From all windows alike.
             let at = |k: usize| {
                 ((k * self.tries + number) as u128 * all.len() as u128 / wanted as u128) as usize
             };
             let pairs = all.rows((0..self.pairs).map(at));
-            tries.push(self.attempt(context, number, &pairs, held_out)?);
+            tries.push(self.learn_with(context, number, &pairs, held_out)?);
             context.folder.save(CHECKPOINT, &tries)?;
         }
         let right = self.right(&action).unwrap_or(0);
@@ -192,7 +192,7 @@ const MOST_WEIGHT: f64 = 100.0;
 
 /// One try of all actions.
 #[derive(Serialize, Deserialize)]
-struct Attempted {
+struct WithAction {
     /// The held-out error of the network of each action; None where it could not be trained.
     errors: Vec<Option<f64>>,
     /// The same on the way: iterations and errors.
@@ -202,7 +202,7 @@ struct Attempted {
     sure: bool,
 }
 
-impl Attempted {
+impl WithAction {
     /// The best action, and how many times as far the next is; 1 where there is no other.
     fn chosen(&self) -> Option<(usize, f64)> {
         let mut known: Vec<(usize, f64)> =
@@ -219,13 +219,13 @@ impl WhichActionOptions {
         self.actions.iter().position(|own| own == action)
     }
 
-    fn attempt(
+    fn learn_with(
         &self,
         context: &mut Context<'_>,
         number: usize,
         pairs: &Pairs,
         held_out: &Pairs,
-    ) -> Result<Attempted, RunError> {
+    ) -> Result<WithAction, RunError> {
         let fit = ActionFit::fit(pairs)?;
         let (mut errors, mut history) = (Vec::new(), Vec::new());
         for action in &self.actions {
@@ -240,7 +240,7 @@ impl WhichActionOptions {
             errors.push(on_the_way.iter().map(|(_, error)| *error).min_by(f64::total_cmp));
             history.push(on_the_way);
         }
-        Ok(Attempted { errors, history, linear: fit.action().clone(), sure: fit.is_sure() })
+        Ok(WithAction { errors, history, linear: fit.action().clone(), sure: fit.is_sure() })
     }
 
     /// The held-out error of a network in the course of its training.
@@ -282,12 +282,12 @@ struct Results<'a> {
     options: &'a WhichActionOptions,
     /// The number of the system's own action.
     right: usize,
-    tries: Vec<Attempted>,
+    tries: Vec<WithAction>,
 }
 
 impl Results<'_> {
     /// How often the right one is chosen, surely, and how often surely another.
-    fn counted(&self, chosen: impl Fn(&Attempted) -> Option<(bool, bool)>) -> String {
+    fn counted(&self, chosen: impl Fn(&WithAction) -> Option<(bool, bool)>) -> String {
         let all: Vec<(bool, bool)> = self.tries.iter().filter_map(chosen).collect();
         let count = |wanted: (bool, bool)| all.iter().filter(|found| **found == wanted).count();
         format!(
@@ -328,7 +328,7 @@ impl Results<'_> {
         let least = median(self.right).map(|spread| spread.median);
         for (number, action) in self.options.actions.iter().enumerate() {
             let errors = median(number);
-            let best = |one: &&Attempted| one.chosen().is_some_and(|(best, _)| best == number);
+            let best = |one: &&WithAction| one.chosen().is_some_and(|(best, _)| best == number);
             let name = match number == self.right {
                 true => format!("**{action}**"),
                 false => action.to_string(),
@@ -378,10 +378,10 @@ impl Results<'_> {
         let mut series = Vec::new();
         for (number, action) in self.options.actions.iter().enumerate() {
             let style = if number == self.right { Style::Marked } else { Style::Line };
-            for (attempt, one) in self.tries.iter().enumerate() {
+            for (index, one) in self.tries.iter().enumerate() {
                 let points =
                     one.history[number].iter().map(|(at, error)| (*at as f64, *error)).collect();
-                series.push(match attempt {
+                series.push(match index {
                     0 => Series { name: action.to_string(), color: number, style, points },
                     _ => Series::unnamed(number, style, points),
                 });
