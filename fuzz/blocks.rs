@@ -453,14 +453,8 @@ fn faults(architecture: &Architecture) -> Vec<Vec<String>> {
         fault(weights.iter().all(|m| *m == 0), &[&"circle action", &"all weights 0"]);
     }
     let is_twist = |block: &Block| block.layers.kind().commutes_with_circles();
-    for Block { layers, .. } in blocks {
-        let of_planes = !matches!(layers, Layers::Henon(_) | Layers::SympNet(_));
-        fault(of_planes && *dof > MOST_PLANES, &[&"planes of", &layers.kind().words(), dof]);
-    }
     let turned = |j: &usize| circles.iter().any(|c| c.weights().get(*j).is_some_and(|m| *m != 0));
     let most = (0..(*dof).min(MOST_PLANES)).filter(turned).count().min(4);
-    let too_many = blocks.iter().any(is_twist) && circles.len() > most;
-    fault(too_many, &[&"circles of the actions of a twist", &circles.len()]);
     if let Some(Controls { ranges, degree }) = controls {
         fault(*degree == 0, &[&"controls: degree", &0]);
         for (number, ControlRange { name, low, high }) in ranges.iter().enumerate() {
@@ -485,6 +479,11 @@ fn faults(architecture: &Architecture) -> Vec<Vec<String>> {
         };
         let sane = name.chars().all(|c| c.is_ascii_alphanumeric() || "-_".contains(c));
         fault(!sane, &[&place, &"name of a block", name]);
+        let of_planes = !matches!(layers, Layers::Henon(_) | Layers::SympNet(_));
+        let many_planes = of_planes && *dof > MOST_PLANES;
+        fault(many_planes, &[&place, &"planes of", &layers.kind().words(), dof]);
+        let many_circles = is_twist(block) && circles.len() > most;
+        fault(many_circles, &[&place, &"circles of the actions of a twist", &circles.len()]);
         if let Layers::SympNet(of) = layers {
             fault(of.modules == 0, &[&place, name, &"linear modules"]);
             fault(of.shears == 0, &[&place, name, &"shears of a linear module"]);
@@ -534,7 +533,7 @@ fn faults(architecture: &Architecture) -> Vec<Vec<String>> {
         fault(nameless, &[&place, &"name: expected a name of its own", &blocks.len()]);
         let has_time = matches!(scale, Scale::Time | Scale::EpsilonTime);
         let still = *part == Part::NearIdentity && has_time && *flow_time == 0.0;
-        fault(still, &[&"flow_time", &0]);
+        fault(still, &[&place, &"flow_time", &0]);
         if reversor.is_some() && layers.count() > 0 {
             let fits = match part {
                 Part::None => circles.is_empty(),

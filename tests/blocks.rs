@@ -433,6 +433,22 @@ fn lists_that_cannot_be_are_refused() {
     let plain = || Architecture::new(2);
     let twist = || Layers::Twist(vec![2, 3]);
     let near = Block::new(Part::NearIdentity, henon(&[2]));
+    let still = near.clone().scaled(Scale::EpsilonTime);
+    refuses(
+        on_circle().of_time(0.0).with(still),
+        &["block 0 (`near-identity`)", "flow_time", "identity"],
+    );
+    let two = on_circle().on_circle(CircleAction::new([2, 0]));
+    refuses(
+        two.with(Block::new(Part::SlowMap, twist())),
+        &["block 0 (`slow-map`)", "circles of the actions of a twist", "2"],
+    );
+    let kicks = Block::new(Part::Conjugation, Layers::TurnedKick(vec![2]));
+    let many = CircleAction::new(vec![1; 1001]);
+    refuses(
+        Architecture::new(1001).on_circle(many).with(kicks),
+        &["block 0 (`conjugation`)", "planes of turned kicks", "1001"],
+    );
     let psi = || Block::new(Part::Conjugation, henon(&[2]));
     refuses(plain().with(Block::new(Part::None, twist())), &["twist", "circle action"]);
     refuses(

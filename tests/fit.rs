@@ -323,6 +323,30 @@ fn what_cannot_be_is_refused() {
         let error = SymplecticPolynomial::fit(&scaled, 2).expect_err("out of range").to_string();
         assert!(error.contains("largest absolute value"), "{error}");
     }
+    // A list of blocks that no circle action would make right is refused before one is looked for.
+    let henon_layers = Block::new(Part::SlowMap, Layers::Henon(vec![2]));
+    let of_blocks = |blocks| NetworkSpec {
+        kind: NetworkSpec::BLOCKS.into(),
+        blocks,
+        ..NetworkSpec::default()
+    };
+    let observed = |blocks| {
+        let unknown = Fit { action: None, network: Some(of_blocks(blocks)), ..fit() };
+        let asked = std::cell::Cell::new(false);
+        let problem = unknown.prepare_observed(pairs(600, 0.9, 1), &mut || {
+            asked.set(true);
+            Ok(Control::Interrupt)
+        });
+        (problem.expect_err("wrong or stopped").to_string(), asked.get())
+    };
+    let (error, asked) = observed(vec![henon_layers]);
+    assert!(error.contains("block 0 (`slow-map`)") && error.contains("Hénon layers"), "{error}");
+    assert!(!asked, "a training for the circle action");
+    for twists in [Layers::Twist(vec![2]), Layers::TurnedTwist(vec![2])] {
+        // With circles of some planes it can be.
+        let (error, asked) = observed(vec![Block::new(Part::SlowMap, twists)]);
+        assert!(asked && error.contains("stopped"), "{error}");
+    }
     // A family needs a network of one.
     let family =
         Pairs::of_family(vec![(0.1, 1.0, pairs(20, 0.9, 1)), (0.2, 1.0, pairs(20, 0.9, 2))]);
@@ -537,6 +561,7 @@ fn whole_turns_of_one_of_three_planes_are_no_action() {
     assert!(matches!(error, Error::NoCircleAction { columns: None, .. }), "{error}");
     let reason = error.to_string();
     assert!(reason.contains("with 1,0,0") && reason.contains("with 2,1,1"), "{reason}");
+    assert!(reason.contains("whole turns") && reason.contains("0.9 times this flow"), "{reason}");
     let right = TorusAction::from(CircleAction::new([1, 0, 0]));
     let given = Fit { action: Some(right), ..Fit::default() };
     let notes = given.prepare(pairs).expect("a given action").notes;

@@ -809,7 +809,7 @@ fn swings_are_of_the_actions_by_definition() {
 }
 
 #[test]
-fn the_largest_ratio_is_of_the_rows_with_a_rounding_bound() {
+fn the_largest_ratio_is_of_the_rows_with_a_rounding_scale() {
     assert_eq!(
         CertificateOptions::default(),
         CertificateOptions { samples: 200, radius: 1.6, seed: 0 }

@@ -679,13 +679,13 @@ pub struct Export {
     /// What to write [default: by the ending of the file, and jax for .py].
     #[arg(long, value_enum)]
     pub format: Option<ExportFormat>,
-    /// Of source code: another ε than the model's, for one that has learnt several.
+    /// Another ε than the model's in source code, for one that has learnt several.
     #[arg(long, allow_negative_numbers = true)]
     pub epsilon: Option<f64>,
-    /// Of source code: another flow time than the model's, for one that has learnt several.
+    /// Another flow time than the model's in source code, for one that has learnt several.
     #[arg(long, allow_negative_numbers = true)]
     pub flow_time: Option<f64>,
-    /// Of source code: values of controls of a model that depends on some, such as planar=0.02; the others are in the
+    /// Values of controls in source code, of a model that depends on some, such as planar=0.02; the others are in the
     /// middle of their ranges.
     #[arg(long, value_name = "NAME=VALUE,…", value_delimiter = ',')]
     pub at: Vec<String>,

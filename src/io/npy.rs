@@ -186,6 +186,9 @@ pub(super) fn write_text(out: &mut (impl Write + ?Sized), text: &str) -> std::io
 }
 
 /// Writes an array in the order of its rows.
+///
+/// # Errors
+/// Those of `out`.
 pub fn write_array(
     out: &mut (impl Write + ?Sized),
     shape: &[u64],

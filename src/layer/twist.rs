@@ -27,6 +27,9 @@ pub struct FastPlanes {
 const CIRCLES: usize = 4;
 
 impl FastPlanes {
+    /// The most circles of an action that a twist can be of.
+    pub(crate) const MOST_CIRCLES: usize = CIRCLES;
+
     /// The fast and slow planes of an action.
     ///
     /// # Errors

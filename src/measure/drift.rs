@@ -92,8 +92,7 @@ impl std::fmt::Display for Resonance {
     }
 }
 
-/// K(ε) = ⌊10 + ε^{−1/4}⌋, the number of first iterations whose drift sets the
-/// threshold of [`invariant_horizon`].
+/// The number of first iterations whose drift sets the threshold of [`invariant_horizon`]: K(ε) = ⌊10 + ε^{−1/4}⌋.
 ///
 /// # Errors
 /// Unless 0 < ε < ∞.
@@ -102,7 +101,7 @@ pub fn settling_iterations(epsilon: f64) -> Result<usize, Error> {
     Ok((10.0 + libm::pow(epsilon, -0.25)).floor() as usize)
 }
 
-/// N(ε): the first iteration at which |μ − μ(z)| exceeds `factor` times its
+/// The first iteration N(ε) at which |μ − μ(z)| exceeds `factor` times its
 /// largest value over the first K(ε) iterations; None where it does not up to `most`.
 ///
 /// Source: section "Numerical Confirmation of the Existence of Adiabatic

@@ -20,7 +20,7 @@ pub enum Conditioned {
 /// The share of |z| beyond which rounding leaves no digit to test.
 pub const ILL_CONDITIONED: f64 = 0.1;
 
-/// ρ_I: the distance from z after the steps `there` and then `back`, which should
+/// The ratio ρ_I of an inversion: the distance from z after the steps `there` and then `back`, which should
 /// be their inverse, divided by the rounding scale u·√(2Σᵢ(|Jᵢ⁻¹|δᵢ)² + z²) with
 /// i over the steps there; the largest over the components.
 ///

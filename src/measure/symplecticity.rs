@@ -4,7 +4,7 @@ use super::{defect::symplecticity_defect, rounding::RoundingPropagation};
 use crate::scalar::{Scalar, max_or_nan};
 use faer::Mat;
 
-/// T, 2n × 2n: the scale of R in units of u, for any number type.
+/// The scale T of R in units of u, 2n × 2n, for any number type.
 ///
 /// With Ĵᵢ = AᵢĴᵢ₋₁ + Eᵢ over the steps,
 /// R = Σᵢ(ĴᵢᵀΩEᵢ + EᵢᵀΩĴᵢ − EᵢᵀΩEᵢ) exactly: later steps do not amplify earlier

@@ -353,7 +353,8 @@ impl Architecture {
     pub(crate) const THETA: &str = "theta";
 
     /// Fails unless the architecture is valid: ε and the flow time are finite, there is a degree of freedom,
-    /// circles have as many, names differ, and each block can play its part.
+    /// circles have as many, names differ, and each block can play its part. All blocks act on the n degrees of
+    /// freedom of the architecture, and every kind of layer has an inverse, so that neither can be wrong in a block.
     ///
     /// # Errors
     /// [`Error::Block`] with the number and the name of the block that is wrong; [`Error::OutOfRange`],
@@ -374,15 +375,15 @@ impl Architecture {
                 return Err(Error::invalid("circle action", "all weights 0", expected));
             }
         }
-        let of_planes = |block: &Block| block.layers.kind().is_of_planes();
-        if let Some(block) = self.blocks.iter().find(|block| of_planes(block)) {
-            let name = format!("planes of {}", block.layers.kind().words());
-            Error::check_count_range(&name, self.dof, 1, MOST_PLANES)?;
-        }
-        if self.has_circle()
-            && self.blocks.iter().any(|block| block.layers.kind().commutes_with_circles())
-        {
-            FastPlanes::new(&TorusAction::new(self.circles.clone())?)?;
+        for (number, block) in self.blocks.iter().enumerate() {
+            let (kind, place) = (block.layers.kind(), |e: Error| e.in_block(number, &block.name));
+            if kind.is_of_planes() {
+                let name = format!("planes of {}", kind.words());
+                Error::check_count_range(&name, self.dof, 1, MOST_PLANES).map_err(place)?;
+            }
+            if let (Some(action), true) = (self.action(), kind.commutes_with_circles()) {
+                FastPlanes::new(&action).map_err(place)?;
+            }
         }
         self.controls.as_ref().map_or(Ok(()), Controls::check)?;
         let of = self.surroundings();
@@ -404,10 +405,10 @@ impl Architecture {
                 return Err(unnamed(format!("none, of {} blocks", self.blocks.len())));
             }
         }
-        let mut near_identity = self.part(Part::NearIdentity);
-        if self.flow_time == 0.0 && near_identity.any(|block| block.scale.has_time()) {
+        let timed = |block: &&Block| block.scale.has_time();
+        if let (0.0, Some(block)) = (self.flow_time, self.part(Part::NearIdentity).find(timed)) {
             let expected = "another number: I_ε would be the identity";
-            return Err(Error::invalid("flow_time", 0, expected));
+            return Err(self.error_in(block, Error::invalid("flow_time", 0, expected)));
         }
         self.check_parts()
     }

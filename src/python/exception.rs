@@ -23,6 +23,7 @@ fn argument_for(error: &crate::error::Error) -> &'static str {
     match error {
         crate::error::Error::At { reason, .. } => argument_for(reason),
         crate::error::Error::FileExists { .. } => " (overwrite=True replaces it)",
+        crate::error::Error::Missing { key: "models.network.path", .. } => "; give weights=FILE",
         _ => "",
     }
 }

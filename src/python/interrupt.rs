@@ -48,14 +48,15 @@ impl Stop {
     }
 }
 
+/// The time between two checks of whether Ctrl-C was pressed.
+const PAUSE: Duration = Duration::from_millis(50);
+
 /// Runs something without the lock of the interpreter on a thread of its own, to which `Stop` says whether Ctrl-C was
 /// pressed: for what asks it from deep inside, or from several threads, which cannot ask the interpreter.
 pub(super) fn stoppable<T: Send>(
     py: Python<'_>,
     run: impl FnOnce(&Stop) -> Result<T, Error> + Send,
 ) -> PyResult<T> {
-    /// The time between two checks of whether Ctrl-C was pressed.
-    const PAUSE: Duration = Duration::from_millis(50);
     let stop = Stop::default();
     let (result, raised) = py.detach(|| {
         std::thread::scope(|scope| {
@@ -82,6 +83,37 @@ pub(super) fn stoppable<T: Send>(
         Some(raised) => Err(raised),
         None => Ok(result?),
     }
+}
+
+/// Runs something without the lock of the interpreter on a thread of its own. After Ctrl-C nobody waits for that
+/// thread, which may ask `Stop` when it can, and its result is dropped: for long computations of other crates, which
+/// ask nothing.
+pub(super) fn abandonable<T: Send + 'static>(
+    py: Python<'_>,
+    run: impl FnOnce(&Stop) -> Result<T, Error> + Send + 'static,
+) -> PyResult<T> {
+    let stop = Stop::default();
+    let (own, (sender, receiver)) = (stop.clone(), std::sync::mpsc::channel());
+    let worker = std::thread::spawn(move || {
+        // Nobody receives what was abandoned.
+        let _ = sender.send(run(&own));
+    });
+    let wait = move || loop {
+        match receiver.recv_timeout(PAUSE) {
+            Ok(result) => return Ok(result),
+            Err(RecvTimeoutError::Timeout) => {
+                if let Err(signal) = Python::attach(|py| py.check_signals()) {
+                    stop.0.store(true, Ordering::Relaxed);
+                    return Err(signal);
+                }
+            }
+            Err(RecvTimeoutError::Disconnected) => match worker.join() {
+                Err(panic) => std::panic::resume_unwind(panic),
+                Ok(()) => return Ok(Err(Error::Stopped { what: "computation".into() })),
+            },
+        }
+    };
+    Ok(py.detach(wait)??)
 }
 
 /// As [`stoppable`], for a measurement that asks between its samples.

@@ -2,7 +2,7 @@
 
 use super::arrays::{Points, Rows, array, dof_of, point_of, points_of, rows_of};
 use super::certificate::PyCertificate;
-use super::interrupt::{by_parts, interruptible, measured};
+use super::interrupt::{abandonable, by_parts, interruptible, measured};
 use super::orbits::{self, OrbitMap};
 use super::outside::{Outside, box_of, survived};
 use super::trained::warn;
@@ -115,16 +115,11 @@ impl PySymplecticPolynomial {
         let section = section.as_deref().map(read_section).transpose()?;
         let validation = validation.unwrap_or(if degree.is_some() { 0.0 } else { HELD_OUT });
         let fit = PolynomialFit { degree, symmetries, section, validation, seed };
-        let mut raised = None;
-        let mut go_on = |_: &PolynomialTrial| {
-            raised = Python::attach(|py| py.check_signals()).err();
-            Ok(if raised.is_none() { Control::Continue } else { Control::Interrupt })
-        };
-        let fitted = py.detach(|| fit.run(pairs, &mut go_on));
-        if let Some(raised) = raised {
-            return Err(raised);
-        }
-        let fitted = fitted?;
+        let fitted = abandonable(py, move |stop| {
+            fit.run(pairs, &mut |_: &PolynomialTrial| {
+                Ok(if stop.go_on() { Control::Continue } else { Control::Interrupt })
+            })
+        })?;
         fitted.notes.iter().try_for_each(|note| warn(py, &note.to_string()))?;
         let StoredPolynomial { map, provenance } = StoredPolynomial::of_fit(&fitted, seed);
         Ok(Self { map, dof, provenance })
@@ -169,7 +164,8 @@ impl PySymplecticPolynomial {
     /// The root mean square distance of the images of `input` from `output`, both (N, 2n).
     fn error(&self, py: Python<'_>, input: Rows<'_>, output: Rows<'_>) -> PyResult<f64> {
         let pairs = pairs_of(&input, &output, self.dof)?;
-        Ok(py.detach(|| self.map.error_on(&pairs))?)
+        let map = self.map.clone();
+        abandonable(py, move |_| map.error_on(&pairs))
     }
 
     /// The states of the trajectories from `points`, (..., 2n), with one in `every` kept: (abs(steps) // every + 1,

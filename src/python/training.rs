@@ -163,12 +163,16 @@ fn blocks_of(py: Python<'_>, blocks: Bound<'_, PyAny>) -> PyResult<Vec<Block>> {
     let dumps = py.import("json")?.getattr("dumps")?;
     let mut out = Vec::new();
     for (number, block) in blocks.try_iter()?.enumerate() {
-        let text: String = dumps.call1((block?,))?.extract()?;
+        let block = block?;
+        let text: String = dumps.call1((&block,))?.extract()?;
         out.push(serde_json::from_str(&text).map_err(|reason| {
             // The place is one of the text, which nobody has written.
             let said = reason.to_string();
             let said = said.rsplit_once(" at line ").map_or(&*said, |(said, _)| said);
-            Error::invalid(&format!("blocks[{number}]"), said, "a block")
+            // Its name is that of its part, unless it has one.
+            let of = |key| block.get_item(key).and_then(|value| value.extract::<String>());
+            let name = of("name").or_else(|_| of("part")).unwrap_or_default();
+            Error::invalid("blocks", said, "a block").in_block(number, &name)
         })?);
     }
     Ok(out)

@@ -7,7 +7,7 @@ use super::{
 };
 use crate::error::Error;
 use crate::flow::{Condition, FormDefect, Pairs, TwoFits};
-use crate::layer::{CircleAction, TorusAction};
+use crate::layer::{CircleAction, FastPlanes, TorusAction};
 use crate::measure::trajectories::{root_mean_square, rotation_error};
 use crate::network::{Circles, Controls, InitialWeights, NetworkSpec};
 use crate::phase::Section;
@@ -217,6 +217,17 @@ impl Fit {
         self.training.loss.check(action.dof())
     }
 
+    /// Fails if the network is wrong whatever circle action is found among so many planes, before it is looked for.
+    fn check_on_planes(&self, dof: usize) -> Result<(), Error> {
+        let (Some(network), None) = (&self.network, &self.action) else { return Ok(()) };
+        let several = network.circles() == Circles::Several;
+        let most = if several { dof.min(FastPlanes::MOST_CIRCLES) } else { 1 };
+        let actions = [most, 1].map(|circles| TorusAction::of_first_planes(circles, dof));
+        // With slow planes or without.
+        let [of_most, of_one] = actions.map(|action| self.check_network(network, &action));
+        of_most.or(of_one)
+    }
+
     /// The network that is recommended.
     fn recommended(turns: bool) -> Result<NetworkSpec, Error> {
         let network = NetworkSpec::named("normal-form")?;
@@ -402,6 +413,7 @@ impl Fit {
         let given = data.pairs.region();
         data.pairs = self.charted(data.pairs)?;
         notes.extend(self.section.clone().map(FitNote::Section));
+        self.check_on_planes(data.pairs.dof())?;
         let (action, fits) = self.examine(&data, &mut notes, go_on)?;
         let problem = self.with_circles(data, action, fits.as_ref(), notes)?;
         let region = if self.section.is_some() { given } else { problem.region };

@@ -94,6 +94,7 @@ fn columns_and_actions_that_do_not_fit_are_reported() {
     assert!(!train("pairs.npz", "1,0").contains("better"));
     let said = train("pairs.npz", "0,1");
     assert!(said.contains("q1 q2 p1 p2") && said.contains("1,0"), "{said}");
+    assert!(said.contains("whole turns") && said.contains("0.9 times this flow time"), "{said}");
     let pairs = read_pairs(&path.join("pairs.npz")).expect("pairs").pairs;
     // q₁ p₁ q₂ p₂.
     let interleaved = pairs.with_columns(&[0, 2, 1, 3]);

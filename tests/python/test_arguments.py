@@ -69,7 +69,7 @@ def test_what_is_no_real_number_is_refused(pairs, model):
     with pytest.raises(gyroceptron.Error, match="blocks: .*at least one"):
         gyroceptron.train(*pairs, [1, 0], blocks=[])
     bad = [{"layer": "twist", "widths": [2]}, {"layer": "twist", "widths": [2], "part": "conjugaton"}]
-    with pytest.raises(gyroceptron.Error, match=r"blocks\[1\]: .*conjugaton") as refused:
+    with pytest.raises(gyroceptron.Error, match=r"block 1 \(`conjugaton`\): blocks: .*`conjugaton`") as refused:
         gyroceptron.train(*pairs, [1, 0], blocks=bad)
     assert "line 1" not in str(refused.value)
     with pytest.raises(gyroceptron.Error, match=r"points: row 1, column 2"):

@@ -115,7 +115,7 @@ pub fn certificate(
     let options = &certificate.options;
     let body = html! {
         header {
-            h1 { "Structure certificate" }
+            h1 { "Structure certificate: a test on samples" }
             p.subtitle { (target) }
         }
         (of_laws(certificate, notes))

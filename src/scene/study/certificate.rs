@@ -37,8 +37,8 @@ impl Study for CertificateOptions {
             data.push(entry(name, &certificate));
         }
         let explanation = format!(
-            "{} points, uniform in |zᵢ| ≤ {}, seed {}. A ratio is an error over the rounding scale \
-             of the computation that made it.",
+            "A test on {} points, uniform in |zᵢ| ≤ {}, seed {}; other points are not tested. A ratio is an error \
+             over the rounding scale of the computation that made it.",
             self.samples, self.radius, self.seed
         );
         Ok(Findings {
