@@ -481,7 +481,7 @@ fn faults(architecture: &Architecture) -> Vec<Vec<String>> {
         fault(!sane, &[&place, &"name of a block", name]);
         let of_planes = !matches!(layers, Layers::Henon(_) | Layers::SympNet(_));
         let many_planes = of_planes && *dof > MOST_PLANES;
-        fault(many_planes, &[&place, &"planes of", &layers.kind().words(), dof]);
+        fault(many_planes, &[&place, &"planes of", &layers.kind().plural(), dof]);
         let many_circles = is_twist(block) && circles.len() > most;
         fault(many_circles, &[&place, &"circles of the actions of a twist", &circles.len()]);
         if let Layers::SympNet(of) = layers {
@@ -511,7 +511,7 @@ fn faults(architecture: &Architecture) -> Vec<Vec<String>> {
         }
         let of_circles = !matches!(part, Part::None | Part::NearIdentity);
         let alone = circles.is_empty() && (of_circles || is_twist(block));
-        fault(alone, &[&place, name, &layers.kind().words(), &"without a circle action"]);
+        fault(alone, &[&place, name, &layers.kind().plural(), &"without a circle action"]);
         let turned = matches!(layers, Layers::TurnedTwist(_)) && layers.count() > 0;
         let none_slow = turned && slow_planes(architecture) == 0;
         fault(none_slow, &[&place, name, &"turned twists, where no plane is slow"]);
@@ -523,7 +523,7 @@ fn faults(architecture: &Architecture) -> Vec<Vec<String>> {
         };
         let scaled = format!("scaled by {factor}");
         fault(*part == Part::Conjugation && *scale != Scale::None, &[&place, name, &scaled]);
-        fault(*part == Part::SlowMap && !is_twist(block), &[&place, name, &layers.kind().words()]);
+        fault(*part == Part::SlowMap && !is_twist(block), &[&place, name, &layers.kind().plural()]);
         let has_epsilon = matches!(scale, Scale::Epsilon | Scale::EpsilonTime);
         let small = matches!(part, Part::Perturbation | Part::NearIdentity);
         fault(small && !has_epsilon, &[&place, name, &scaled]);

@@ -387,7 +387,8 @@ fn derivatives_of_arrangements_are_those_of_duals() {
             let parameters = model.parameters().iter().enumerate();
             let parameters = parameters.map(|(k, &v)| lift(k, v)).collect();
             let epsilon = D::constant(architecture.epsilon);
-            let lifted = Model::over(architecture.clone(), epsilon, parameters).expect("as it was");
+            let lifted =
+                Model::at_epsilon(architecture.clone(), epsilon, parameters).expect("as it was");
             let mut w: Vec<D> =
                 z.iter().enumerate().map(|(k, &v)| lift(bar.len() + k, v)).collect();
             lifted.forward(&mut w);

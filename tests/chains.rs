@@ -192,7 +192,7 @@ fn islands_are_as_wide_as_a_pendulum() {
         let maps = IslandSearch::maps_for(count as usize, orbit.residue()).expect("elliptic");
         for more in 0..count as usize {
             let search = IslandSearch { around, reach: 0.3, maps: maps + more };
-            let again = search.about(&orbit.points, &follow).expect("a search");
+            let again = search.find(&orbit.points, &follow).expect("a search");
             let again = again.unwrap_or_else(|| panic!("{} maps: {}", maps + more, place()));
             let apart = again.interval.width() / found.interval.width() - 1.0;
             assert!(apart.abs() < 0.02, "{apart}: {} maps: {}", maps + more, place());
@@ -214,7 +214,7 @@ fn islands_are_as_wide_as_a_pendulum() {
                 };
                 let points: Vec<Vec<f64>> = orbit.points.iter().map(|z| scaled(z, root)).collect();
                 let search = IslandSearch { around: middle, reach: 0.3, maps };
-                let again = search.about(&points, &stretched).expect("a search");
+                let again = search.find(&points, &stretched).expect("a search");
                 let again = again.unwrap_or_else(|| panic!("stretched by {root}: {}", place()));
                 let apart = again.interval.width() / (root * found.interval.width()) - 1.0;
                 assert!(apart.abs() < 0.02, "{apart}: stretched by {root}: {}", place());

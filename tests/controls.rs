@@ -250,7 +250,7 @@ fn a_fit_learns_what_the_controls_do() {
     let grid: Vec<[f64; 2]> =
         (0..9).map(|k| [f64::from(k % 3) - 1.0, f64::from(k / 3) - 1.0]).collect();
     let (pairs, values) = pairs_of_henon(&grid, 60, 5);
-    let data = FamilyPairs::under(pairs, None, None, Some(&values)).expect("values");
+    let data = FamilyPairs::new(pairs, None, None, Some(&values)).expect("values");
     let fitted = fit().run(data).expect("trains");
     let model = fitted.model();
     let controls = model.architecture().controls.clone().expect("controls");
@@ -573,7 +573,7 @@ fn what_controls_cannot_be_is_refused() {
     says(of(vec![range("epsilon", 0.0, 1.0)], 1), "`epsilon`");
     // What has twists by parts has no controls.
     let (pairs, values) = pairs_of_henon(&[[0.0, 0.0], [1.0, 1.0], [0.0, 1.0]], 30, 1);
-    let data = || FamilyPairs::under(pairs.clone(), None, None, Some(&values)).expect("values");
+    let data = || FamilyPairs::new(pairs.clone(), None, None, Some(&values)).expect("values");
     let mut fit = fit();
     fit.controls = options(&[], Some(1));
     fit.network = Some(NetworkSpec::named("normal-form").expect("a name"));

@@ -227,12 +227,12 @@ fn rows_keep_their_conditions() {
     let (epsilons, times): (Vec<f64>, Vec<f64>) =
         (0..set(6, TIME, 0.05, 9).len()).map(|k| ([0.1, 0.2][k % 2], 1.0)).unzip();
     let plain = set(6, TIME, 0.05, 9);
-    let under = plain.clone().under(&epsilons, &times).expect("as many");
+    let under = plain.clone().with_epsilons_and_times(&epsilons, &times).expect("as many");
     assert_eq!(&under.input()[4..8], &plain.input()[8..12]);
     assert_eq!(&under.output()[12..16], &plain.output()[4..8]);
-    assert!(plain.clone().under(&epsilons[1..], &times).is_err());
-    assert!(plain.clone().under(&epsilons, &[0.0; 6]).is_err());
-    assert!(plain.under(&[f64::NAN; 6], &times).is_err());
+    assert!(plain.clone().with_epsilons_and_times(&epsilons[1..], &times).is_err());
+    assert!(plain.clone().with_epsilons_and_times(&epsilons, &[0.0; 6]).is_err());
+    assert!(plain.with_epsilons_and_times(&[f64::NAN; 6], &times).is_err());
     assert!(Pairs::of_family(Vec::new()).is_err());
 }
 

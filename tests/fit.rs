@@ -176,18 +176,19 @@ fn checkpoints_observe_a_fit() {
 fn options_come_before_a_recipe() {
     let none = FitOptions::default;
     for (recipe, fit) in [(Recipe::Recommended, Fit::default()), (Recipe::Paper, Fit::paper())] {
-        assert_eq!(none().over(recipe).expect("as it is"), fit);
+        assert_eq!(none().apply_to(recipe).expect("as it is"), fit);
     }
     let lm = || Optimiser::named("lm").expect("Levenberg–Marquardt");
     let lbfgs = || Optimiser::named("l-bfgs").expect("L-BFGS");
-    let over = |optimiser, recipe| FitOptions { optimiser: Some(optimiser), ..none() }.over(recipe);
+    let over =
+        |optimiser, recipe| FitOptions { optimiser: Some(optimiser), ..none() }.apply_to(recipe);
     let plateau = |optimiser, recipe| over(optimiser, recipe).expect("valid").training.plateau;
     assert_eq!(plateau(lm(), Recipe::Paper), Some(Plateau::default()));
     assert_eq!(plateau(lbfgs(), Recipe::Recommended), None);
     let mut declared = Fit::paper();
-    declared.training.plateau = Plateau::over(7);
+    declared.training.plateau = Plateau::of_windows(7);
     let declared = || Recipe::Declared(Box::new(declared.clone()));
-    assert_eq!(plateau(lm(), declared()), Plateau::over(7), "that of a scene stays");
+    assert_eq!(plateau(lm(), declared()), Plateau::of_windows(7), "that of a scene stays");
     let all = FitOptions {
         sizes: vec![("kicks", LayerSizes::uniform(3, 2))],
         iterations: Some(9),
@@ -201,14 +202,14 @@ fn options_come_before_a_recipe() {
         target: Some(1e-9),
         ..none()
     };
-    let training = all.clone().over(Recipe::Recommended).expect("valid").training;
+    let training = all.clone().apply_to(Recipe::Recommended).expect("valid").training;
     assert_eq!((training.iterations, training.patience, training.target), (9, 4, 1e-9));
     assert_eq!((training.near_identity_penalty, training.theta_penalty), (0.5, 0.25));
     assert!(training.theta_fixed && training.starts.is_none() && training.plateau.is_none());
     assert_eq!(training.loss, Loss::MeanSquaredError);
     let kicks = NetworkSpec::named("normal-form").expect("it has this name");
     let kicks = kicks.with_size("kicks", LayerSizes::uniform(3, 2)).expect("a part");
-    assert_eq!(all.over(Recipe::Recommended).expect("valid").network, Some(kicks));
+    assert_eq!(all.apply_to(Recipe::Recommended).expect("valid").network, Some(kicks));
     let refused: [(FitOptions, &str); 5] = [
         (FitOptions { iterations: Some(0), ..none() }, "iterations"),
         (FitOptions { starts: Some(0), ..none() }, "starts"),
@@ -226,7 +227,7 @@ fn options_come_before_a_recipe() {
         ),
     ];
     for (options, name) in refused {
-        let error = options.over(Recipe::Recommended).expect_err(name).to_string();
+        let error = options.apply_to(Recipe::Recommended).expect_err(name).to_string();
         assert!(error.contains(name), "{error}");
     }
     assert!(Recipe::named("best").is_err() && Optimiser::named("best").is_err());
@@ -325,11 +326,8 @@ fn what_cannot_be_is_refused() {
     }
     // A list of blocks that no circle action would make right is refused before one is looked for.
     let henon_layers = Block::new(Part::SlowMap, Layers::Henon(vec![2]));
-    let of_blocks = |blocks| NetworkSpec {
-        kind: NetworkSpec::BLOCKS.into(),
-        blocks,
-        ..NetworkSpec::default()
-    };
+    let of_blocks =
+        |blocks| NetworkSpec { kind: NetworkSpec::BLOCKS.into(), blocks, ..NetworkSpec::default() };
     let observed = |blocks| {
         let unknown = Fit { action: None, network: Some(of_blocks(blocks)), ..fit() };
         let asked = std::cell::Cell::new(false);
@@ -357,7 +355,8 @@ fn what_cannot_be_is_refused() {
 
 #[test]
 fn pairs_of_negative_epsilon_are_counted() {
-    let family = pairs(6, 0.5, 1).under(&[0.1, -0.1, 0.2, -0.1, -0.3, 0.1], &[1.0; 6]);
+    let family =
+        pairs(6, 0.5, 1).with_epsilons_and_times(&[0.1, -0.1, 0.2, -0.1, -0.3, 0.1], &[1.0; 6]);
     let family = family.expect("a family");
     let note = FitNote::of_negative_epsilons(&family, 0.1);
     let doubled = family.with_conditions(|condition| (2.0 * condition.epsilon, 0.5));

@@ -44,7 +44,8 @@ fn parameter_counts_are_the_papers() {
 #[test]
 fn a_wrong_number_of_parameters_is_an_error() {
     let shape = shape(&[1, 0], vec![8; 2], vec![6; 2]);
-    let error = Model::over(shape.architecture(0.01), 0.01, vec![0.0; 7]).unwrap_err().to_string();
+    let error =
+        Model::at_epsilon(shape.architecture(0.01), 0.01, vec![0.0; 7]).unwrap_err().to_string();
     assert!(error.contains("121") && error.contains('7'), "{error}");
 }
 
@@ -63,7 +64,7 @@ where
         let lifted = parameters.iter().enumerate().map(|(i, &p)| lift(i, p)).collect();
         let epsilon = Dual::constant(R::from_f64(network.epsilon()));
         let dual =
-            Model::over(network.architecture().clone(), epsilon, lifted).expect("same shape");
+            Model::at_epsilon(network.architecture().clone(), epsilon, lifted).expect("same shape");
         let mut w: Vec<_> =
             z.iter().enumerate().map(|(i, &v)| lift(parameters.len() + i, v)).collect();
         dual.forward(&mut w);
@@ -241,7 +242,7 @@ fn normal_form(dof: usize) -> Model {
         perturbation: None,
     };
     let count = shape.architecture(0.0).parameter_count();
-    Model::over(shape.architecture(0.1), 0.1, point(count, 8)).expect("valid")
+    Model::at_epsilon(shape.architecture(0.1), 0.1, point(count, 8)).expect("valid")
 }
 
 /// Compositions of all kinds of step, in one to five degrees of freedom.
@@ -262,7 +263,7 @@ fn compositions() -> Vec<Composition<f64>> {
             flow_time: 2.0,
         };
         let parameters = point(shape.architecture(0.0).parameter_count(), 6);
-        let net = Model::over(shape.architecture(0.3), 0.3, parameters).expect("valid");
+        let net = Model::at_epsilon(shape.architecture(0.3), 0.3, parameters).expect("valid");
         out.push(net.composition().clone());
         for plain in [false, true] {
             let activation = Activation::Sigmoid;
@@ -468,7 +469,8 @@ fn the_generator_of_the_near_identity_network_is_the_known_one() {
 
     type D = Dual<f64, 1>;
     let lifted = parameters.iter().map(|&p| D::constant(p)).collect();
-    let net = Model::over(shape.architecture(0.0), D::variable(0.0, 0), lifted).expect("fits");
+    let net =
+        Model::at_epsilon(shape.architecture(0.0), D::variable(0.0, 0), lifted).expect("fits");
     let mut moved: Vec<D> = z.iter().map(|&v| D::constant(v)).collect();
     net.forward(&mut moved);
 

@@ -447,7 +447,7 @@ fn normal_form<P: Real>(number: usize, epsilon: P, lift: impl Fn(usize, f64) -> 
     let mut stream = Stream::new(number as u64, "normal form");
     let count = shape.architecture(0.0).parameter_count();
     let parameters = (0..count).map(|index| lift(index, stream.uniform(-0.7, 0.7))).collect();
-    Model::over(shape.architecture(0.0), epsilon, parameters).expect("valid")
+    Model::at_epsilon(shape.architecture(0.0), epsilon, parameters).expect("valid")
 }
 
 /// A normal form, or one with a perturbation.
@@ -544,7 +544,8 @@ fn a_normal_form_is_iterated() {
             let parameters = (0..shape.architecture(0.0).parameter_count())
                 .map(|_| stream.uniform(-0.7, 0.7))
                 .collect();
-            let map = Model::over(shape.architecture(0.0), epsilon, parameters).expect("valid");
+            let map =
+                Model::at_epsilon(shape.architecture(0.0), epsilon, parameters).expect("valid");
             for m in [1, 2, 3, 8] {
                 let iterated = map.iterated(m).expect("an even number of shears");
                 assert_eq!(iterated.architecture().widths(Part::SlowMap), [3, 2, 0, 4].repeat(m));
@@ -590,7 +591,7 @@ fn a_normal_form_of_the_wrong_size_is_refused() {
     let fewer = parameters[1..].to_vec();
     assert!(Model::new(map.architecture().clone(), fewer).is_err());
     let shape = NormalFormShape { flow_time: f64::NAN, ..shape_of(&map) };
-    assert!(Model::over(shape.architecture(0.1), 0.1, parameters.to_vec()).is_err());
+    assert!(Model::at_epsilon(shape.architecture(0.1), 0.1, parameters.to_vec()).is_err());
     let still = TorusAction::from(CircleAction::new([0, 0]));
     assert!(NormalFormShape { action: still, ..shape_of(&map) }.architecture(0.1).check().is_err());
 }
@@ -638,7 +639,7 @@ fn nearly_integrable<P: Real>(
     let mut stream = Stream::new(number as u64, "nearly integrable");
     let count = shape.architecture(0.0).parameter_count();
     let parameters = (0..count).map(|index| lift(index, stream.uniform(-0.7, 0.7))).collect();
-    Model::over(shape.architecture(0.0), epsilon, parameters).expect("valid")
+    Model::at_epsilon(shape.architecture(0.0), epsilon, parameters).expect("valid")
 }
 
 /// At ε = 0 the actions stay, whatever the weights; beside it they move by O(ε), and the map
@@ -681,7 +682,7 @@ fn a_perturbation_moves_the_actions_by_epsilon() {
         let mut parameters = map.composition().parameters().to_vec();
         let theta = |of: &Architecture| of.angles().start;
         parameters.drain(theta(&shape.architecture(0.3))..theta(map.architecture()));
-        let plain = Model::over(shape.architecture(0.3), 0.3, parameters).expect("valid");
+        let plain = Model::at_epsilon(shape.architecture(0.3), 0.3, parameters).expect("valid");
         let mut by_plain = z.clone();
         plain.composition().forward(&mut by_plain);
         assert_eq!(by_plain, unperturbed);
@@ -740,7 +741,7 @@ fn a_nearly_integrable_model_is_kept_whole() {
         let mut parameters = map.composition().parameters().to_vec();
         let theta = map.architecture().angles().start;
         parameters[theta..].iter_mut().for_each(|angle| *angle *= 2.0);
-        Model::over(shape.architecture(-0.1), -0.1, parameters).expect("valid")
+        Model::at_epsilon(shape.architecture(-0.1), -0.1, parameters).expect("valid")
     };
     let (mut a, mut b) = (start(2 * map.architecture().dof), start(2 * map.architecture().dof));
     other.forward(&mut a);

@@ -56,7 +56,7 @@ fn normal_equations_are_those_of_duals() {
         for index in 0..count {
             let variable = |(i, &p): (usize, &f64)| D::variable(p, usize::from(i != index));
             let lifted: Vec<D> = parameters.iter().enumerate().map(variable).collect();
-            let dual = Model::over(network.architecture().clone(), D::constant(0.01), lifted);
+            let dual = Model::at_epsilon(network.architecture().clone(), D::constant(0.01), lifted);
             let dual = dual.expect("same shape");
             for (k, (z, target)) in
                 pairs.input().chunks_exact(4).zip(pairs.output().chunks_exact(4)).enumerate()

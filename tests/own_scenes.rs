@@ -571,7 +571,7 @@ fn a_scene_learns_a_family_of_maps_as_train_does() {
         runs.iter().flat_map(|run| vec![value(run); run.2.len()]).collect()
     };
     let (epsilons, times) = (of(|run| run.0), of(|run| run.1));
-    let family = all.clone().under(&epsilons, &times).expect("a family");
+    let family = all.clone().with_epsilons_and_times(&epsilons, &times).expect("a family");
     write_pairs(&path.join("family.npz"), &family).expect("written");
     write_pairs(&path.join("one.npz"), &all).expect("written");
     let ones = vec![1.0; all.len()];

@@ -125,7 +125,7 @@ fn gradient_and_curvature_are_those_of_duals() {
             .collect();
         let epsilon = D::constant(0.01);
         let dual =
-            Model::over(network.architecture().clone(), epsilon, lifted).expect("same shape");
+            Model::at_epsilon(network.architecture().clone(), epsilon, lifted).expect("same shape");
         let (mut slope, mut square) = (0.0, 0.0);
         for (z, target) in pairs.input().chunks_exact(4).zip(pairs.output().chunks_exact(4)) {
             let mut w: Vec<D> = z.iter().map(|&v| D::constant(v)).collect();
@@ -757,7 +757,7 @@ fn options_are_what_they_are_said_to_be() {
     let scaling = Scaling::GaussNewton { renew: 200 };
     assert_eq!(LbfgsOptions::default(), LbfgsOptions { memory: 30, scaling });
     assert_eq!(Plateau::default(), Plateau { iterations: 50, improvement: 0.1 });
-    assert_eq!(Plateau::over(7), Some(Plateau { iterations: 7, improvement: 0.1 }));
+    assert_eq!(Plateau::of_windows(7), Some(Plateau { iterations: 7, improvement: 0.1 }));
     let all = TrainingOptions::default();
     assert_eq!((all.iterations, all.validate_every, all.checkpoint_every), (1000, 10, 100));
 }

@@ -220,9 +220,10 @@ fn errors_of_components_are_their_definition() {
     let mut uniform =
         |count: usize| -> Vec<f64> { (0..count).map(|_| stream.uniform(-1.0, 1.0)).collect() };
     let plain = Pairs::new("pairs", 2, uniform(4 * 30), uniform(4 * 30)).expect("whole");
-    let family = plain
-        .clone()
-        .under(&[vec![0.1; 10], vec![0.2; 20]].concat(), &[vec![1.0; 10], vec![3.0; 20]].concat());
+    let family = plain.clone().with_epsilons_and_times(
+        &[vec![0.1; 10], vec![0.2; 20]].concat(),
+        &[vec![1.0; 10], vec![3.0; 20]].concat(),
+    );
     for pairs in [plain, family.expect("a family")] {
         let mut squares = [0.0; 4];
         for (k, (z, target)) in

@@ -95,7 +95,7 @@ impl Case {
                 false => stream.uniform(-PI, PI),
             })
             .collect();
-        Model::over(shape.architecture(self.epsilon), self.epsilon, parameters)
+        Model::at_epsilon(shape.architecture(self.epsilon), self.epsilon, parameters)
             .expect("a sound shape")
     }
 

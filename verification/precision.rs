@@ -48,7 +48,7 @@ fn network(seed: u64) -> Model {
     let weights = InitialWeights::Normal { scale: 0.6 };
     let parameters =
         shape.widths.iter().flat_map(|&h| weights.layer(DOF, h, &mut stream)).collect::<Vec<_>>();
-    Model::over(shape.architecture(1.0), 1.0, single(parameters)).expect("as many parameters")
+    Model::at_epsilon(shape.architecture(1.0), 1.0, single(parameters)).expect("as many parameters")
 }
 
 fn points(seed: u64) -> Vec<f64> {
@@ -212,8 +212,9 @@ fn wrong_by(error: f64) -> [f64; 3] {
     let double = network.with_parameters(rounded(&exact)).expect("as many parameters");
     let back = double.composition();
     let u = ROUNDOFFS();
-    let long = Model::over(network.architecture().clone(), DoubleDouble::from_f64(1.0), exact)
-        .expect("as many parameters");
+    let long =
+        Model::at_epsilon(network.architecture().clone(), DoubleDouble::from_f64(1.0), exact)
+            .expect("as many parameters");
     let mut steps = map.measured_steps(Direction::Forward);
     steps.extend(map.measured_steps(Direction::Inverse));
     let residual = |z: &[f64]| {

@@ -20,7 +20,7 @@ const BITS: usize = 320;
 const NEAREST: RoundingMode = RoundingMode::ToEven;
 
 fn wide<C: BallCentre>(ball: BallOf<C>) -> BigFloat {
-    let words = ball.words().map(|word| BigFloat::from_f64(word, BITS));
+    let words = ball.parts().map(|word| BigFloat::from_f64(word, BITS));
     let [high, low, third] = &words;
     high.add(low, BITS, NEAREST).add(third, BITS, NEAREST)
 }
@@ -85,7 +85,7 @@ fn missed<C: BallCentre>(change: impl Fn(BallOf<C>) -> BallOf<C>) -> usize {
         count(a.minus(b), x.sub(&y, BITS, NEAREST));
         count(a.times(b), x.mul(&y, BITS, NEAREST));
         if b.centre() != 0.0 {
-            count(a.over(b), x.div(&y, BITS, NEAREST));
+            count(a.divided_by(b), x.div(&y, BITS, NEAREST));
         }
         if a.centre() > 0.0 {
             count(a.sqrt(), x.sqrt(BITS, NEAREST));
@@ -119,7 +119,7 @@ fn balls_hold_the_values_of_320_bits() {
     assert!(missed(|ball| Ball::new(ball.centre(), 0.0, ball.radius())) > 0);
     assert!(
         missed(|ball| {
-            let [high, low, _] = ball.words();
+            let [high, low, _] = ball.parts();
             FineBall::around([high, low, 0.0], ball.radius())
         }) > 0
     );
@@ -128,7 +128,7 @@ fn balls_hold_the_values_of_320_bits() {
 #[test]
 fn three_words_enclose_to_fifteen_more_digits_than_two() {
     fn radii<C: BallCentre>() -> [f64; 6] {
-        let x = BallOf::<C>::of(0.7).over(BallOf::of(3.0));
+        let x = BallOf::<C>::of(0.7).divided_by(BallOf::of(3.0));
         let (s, c) = x.sin_cos();
         [x, x.sqrt(), x.exp(), x.tanh(), s, c].map(BallOf::radius)
     }
@@ -142,8 +142,8 @@ fn what_is_no_number_is_in_no_ball() {
     let none = Ball::of(f64::NAN);
     for ball in [
         none.plus(Ball::of(1.0)),
-        Ball::of(1.0).over(Ball::of(0.0)),
-        Ball::of(1.0).over(Ball::of(1e-3).widened(1e-2)),
+        Ball::of(1.0).divided_by(Ball::of(0.0)),
+        Ball::of(1.0).divided_by(Ball::of(1e-3).widened(1e-2)),
         Ball::of(-1.0).sqrt(),
         none.sin_cos().0,
         Ball::of(1e200).times(Ball::of(1e200)),
@@ -166,7 +166,7 @@ fn exact_complex(w: [Ball; 2]) -> [[Ball; 2]; 2] {
     let (cosh, sinh) = (e.plus(inverse).scaled(0.5), e.minus(inverse).scaled(0.5));
     let (s, c) = y.scaled(2.0).sin_cos();
     let below = cosh.plus(c);
-    [sine, [sinh.over(below), s.over(below)]]
+    [sine, [sinh.divided_by(below), s.divided_by(below)]]
 }
 
 #[test]
@@ -206,7 +206,7 @@ fn taylor_models_hold_complex_values() {
             let [re, im] = w;
             let square = [re.times(re).minus(im.times(im)), re.times(im).scaled(2.0)];
             let norm = re.times(re).plus(im.times(im));
-            let inverse = [re.over(norm), im.negated().over(norm)];
+            let inverse = [re.divided_by(norm), im.negated().divided_by(norm)];
             for (model, value) in results.iter().zip([sine, tanh, square, inverse]) {
                 let near = model.evaluate(place);
                 let off = [near.re - value[0].centre(), near.im - value[1].centre()];

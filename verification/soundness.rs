@@ -236,7 +236,7 @@ fn the_bend_of_a_step_is_covered() {
         let mut stream = Stream::new(2, "bend");
         let count = shape.architecture(0.0).parameter_count();
         let parameters = (0..count).map(|_| scale * stream.normal()).collect();
-        let network = Model::over(shape.architecture(0.4), 0.4, parameters).expect("as many");
+        let network = Model::at_epsilon(shape.architecture(0.4), 0.4, parameters).expect("as many");
         (format!("couplings of {scale}"), Box::new(network))
     });
     let mut rejected_without = 0;

@@ -45,8 +45,8 @@ impl Case {
         let weights = InitialWeights::Normal { scale: 0.4 };
         let layers = shape.widths.iter();
         let parameters = layers.flat_map(|&h| weights.layer(self.dof, h, &mut stream)).collect();
-        let network =
-            Model::over(shape.architecture(1.0), 1.0, parameters).expect("as many parameters");
+        let network = Model::at_epsilon(shape.architecture(1.0), 1.0, parameters)
+            .expect("as many parameters");
         turn.followed_by(network.composition(), Direction::Forward).expect("of one size")
     }
 

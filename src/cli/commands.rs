@@ -323,7 +323,7 @@ fn describe(model: &Model, path: &Path, as_json: bool) -> Result<Status, Error> 
         let blocks = blocks.filter(|block| block.layers.count() > 0);
         let layers: Vec<String> = blocks
             .map(|block| {
-                let (count, words) = (block.layers.count(), block.layers.kind().words());
+                let (count, words) = (block.layers.count(), block.layers.kind().plural());
                 format!("{} {count} {words}", block.name).trim_start().to_owned()
             })
             .collect();

@@ -76,7 +76,7 @@ fn fit_of(arguments: &Train) -> Result<(String, Fit), Error> {
         None | Some(AUTO) => None,
         Some(text) => Some(circle_action(text)?),
     };
-    let base = options(arguments)?.over(recipe)?;
+    let base = options(arguments)?.apply_to(recipe)?;
     let fit = Fit {
         place: arguments.data.display().to_string(),
         action,

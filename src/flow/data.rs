@@ -155,14 +155,14 @@ impl Pairs {
     ///
     /// # Errors
     /// When there is not one finite number for each pair, or a time is not positive.
-    pub fn under(self, epsilons: &[f64], times: &[f64]) -> Result<Self, Error> {
+    pub fn with_epsilons_and_times(self, epsilons: &[f64], times: &[f64]) -> Result<Self, Error> {
         self.under_controls(epsilons, times, &[])
     }
 
-    /// The pairs of [`Pairs::under`], with values of controls too: as many for each pair, row by row.
+    /// The pairs of [`Pairs::with_epsilons_and_times`], with values of controls too: as many for each pair, row by row.
     ///
     /// # Errors
-    /// Those of [`Pairs::under`]; when there are not as many finite values for each pair.
+    /// Those of [`Pairs::with_epsilons_and_times`]; when there are not as many finite values for each pair.
     pub fn under_controls(
         self,
         epsilons: &[f64],
@@ -210,7 +210,7 @@ impl Pairs {
     ///
     /// # Errors
     /// When there is no set, or they differ in their degrees of freedom; those of
-    /// [`Pairs::under`].
+    /// [`Pairs::with_epsilons_and_times`].
     pub fn of_family(sets: Vec<(f64, f64, Self)>) -> Result<Self, Error> {
         let Some((_, _, first)) = sets.first() else {
             return Err(Error::invalid("pairs", "no set", "at least one"));
@@ -226,7 +226,7 @@ impl Pairs {
                 all.output.extend_from_slice(&set.output);
             }
         }
-        all.under(&epsilons, &times)
+        all.with_epsilons_and_times(&epsilons, &times)
     }
 
     /// These pairs with the ε and the flow time of each condition replaced by those that `of` returns.

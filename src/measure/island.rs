@@ -52,7 +52,7 @@ impl IslandSearch {
     /// Those of `follow`; [`Error::OutOfRange`] of a reach outside of 0 to 1; [`Error::CountOutOfRange`] of no map;
     /// [`Error::Invalid`] of an orbit that has the centre as a point, [`Error::WrongCount`] of points that are not of
     /// a plane.
-    pub fn about(&self, points: &[Vec<f64>], follow: Follow<'_>) -> Result<Option<Island>, Error> {
+    pub fn find(&self, points: &[Vec<f64>], follow: Follow<'_>) -> Result<Option<Island>, Error> {
         Error::check_range("reach", self.reach, Error::LEAST_POSITIVE, 1.0)?;
         Error::check_count_range("maps", self.maps, 1, usize::MAX)?;
         for point in points {
@@ -104,7 +104,7 @@ impl IslandSearch {
     /// The island about an elliptic orbit, whose residue says how many maps are needed; None where none is found.
     ///
     /// # Errors
-    /// Those of [`IslandSearch::about`]; [`Error::Invalid`] of an orbit that is not elliptic, or so nearly parabolic
+    /// Those of [`IslandSearch::find`]; [`Error::Invalid`] of an orbit that is not elliptic, or so nearly parabolic
     /// that orbits do not turn about it within 100,000 maps.
     pub fn of_orbit(
         orbit: &PeriodicOrbit,
@@ -121,6 +121,6 @@ impl IslandSearch {
             );
             return Err(Error::invalid("orbit: residue", residue, expected));
         };
-        Self { around, reach, maps }.about(&orbit.points, follow)
+        Self { around, reach, maps }.find(&orbit.points, follow)
     }
 }

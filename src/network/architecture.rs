@@ -378,7 +378,7 @@ impl Architecture {
         for (number, block) in self.blocks.iter().enumerate() {
             let (kind, place) = (block.layers.kind(), |e: Error| e.in_block(number, &block.name));
             if kind.is_of_planes() {
-                let name = format!("planes of {}", kind.words());
+                let name = format!("planes of {}", kind.plural());
                 Error::check_count_range(&name, self.dof, 1, MOST_PLANES).map_err(place)?;
             }
             if let (Some(action), true) = (self.action(), kind.commutes_with_circles()) {

@@ -170,7 +170,7 @@ impl Block {
                 RidgeFunction::Neurons(neuron) => format!("neurons of {}", neuron.name()),
                 RidgeFunction::Polynomial { .. } => "polynomials".into(),
             };
-            let found = format!("{ridges} in {}", kind.words());
+            let found = format!("{ridges} in {}", kind.plural());
             return refused(&found, "kicks, Hénon layers or twists");
         }
         if self.ridges.is_polynomial() {
@@ -186,7 +186,7 @@ impl Block {
         }
         if !has_circles && (kind.commutes_with_circles() || self.needs_circles()) {
             let found =
-                format!("{} as {}, without a circle action", kind.words(), self.part.name());
+                format!("{} as {}, without a circle action", kind.plural(), self.part.name());
             return refused(&found, "a circle action");
         }
         if facts.turns_slow_planes && self.layers.count() > 0 && of.slow == 0 {
@@ -200,7 +200,7 @@ impl Block {
                 "no scale: a conjugation ψ of order one",
             ),
             Part::SlowMap if !kind.commutes_with_circles() => {
-                refused(kind.words(), "twists: a slow map commutes with the circle action")
+                refused(kind.plural(), "twists: a slow map commutes with the circle action")
             }
             Part::Perturbation | Part::NearIdentity if !has_epsilon => refused(
                 &format!("scaled by {}", self.scale.name()),

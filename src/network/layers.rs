@@ -145,7 +145,7 @@ impl LayerKind {
     }
 
     /// The plural in words.
-    pub fn words(self) -> &'static str {
+    pub fn plural(self) -> &'static str {
         self.facts().words
     }
 

@@ -44,14 +44,14 @@ impl Model {
             Error::check_finite(&format!("parameter {index}"), parameters[index])?;
         }
         let epsilon = architecture.epsilon;
-        Self::over(architecture, epsilon, parameters)
+        Self::at_epsilon(architecture, epsilon, parameters)
     }
 
     /// This network over another number type.
     pub fn lift<P: Real>(&self) -> Model<P> {
         let parameters = self.parameters().iter().map(|&v| P::from_f64(v)).collect();
         let (architecture, epsilon) = (self.architecture.clone(), P::from_f64(self.epsilon()));
-        Model::over(architecture, epsilon, parameters).expect("as it was")
+        Model::at_epsilon(architecture, epsilon, parameters).expect("as it was")
     }
 
     /// A model of this architecture with other parameters.
@@ -214,7 +214,11 @@ impl<P: Real> Model<P> {
     /// # Errors
     /// When the count of parameters is wrong, or the architecture does not pass
     /// [`Architecture::check`].
-    pub fn over(architecture: Architecture, epsilon: P, parameters: Vec<P>) -> Result<Self, Error> {
+    pub fn at_epsilon(
+        architecture: Architecture,
+        epsilon: P,
+        parameters: Vec<P>,
+    ) -> Result<Self, Error> {
         architecture.check()?;
         architecture.check_boxes()?;
         let count = architecture.parameter_count();

@@ -647,7 +647,7 @@ impl Section {
     ///
     /// # Errors
     /// Those of [`Section::at_controls`].
-    pub fn about(&self, values: &[f64]) -> Result<Self, Error> {
+    pub fn with_origin(&self, values: &[f64]) -> Result<Self, Error> {
         if !self.depends_on_controls() {
             return Ok(self.clone());
         }
@@ -703,7 +703,7 @@ impl Section {
                 self.origin = nominal.to_vec();
             }
             self.check(dof)?;
-            self = self.about(nominal)?;
+            self = self.with_origin(nominal)?;
         }
         self.check(dof)?;
         Ok(self)

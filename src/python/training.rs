@@ -397,7 +397,7 @@ pub(super) fn train(
     let ((epsilon, epsilons), (flow_time, times)) =
         (condition("epsilon", epsilon)?, condition("flow_time", flow_time)?);
     let (names, values) = controls.map(|of| columns_of(&of, pairs.len())).transpose()?.unzip();
-    let data = FamilyPairs::under(pairs, epsilons.as_deref(), times.as_deref(), values.as_deref())?;
+    let data = FamilyPairs::new(pairs, epsilons.as_deref(), times.as_deref(), values.as_deref())?;
     let sizes = [
         ("psi", psi),
         ("near_identity", near_identity),
@@ -429,7 +429,7 @@ pub(super) fn train(
         patience,
         target,
     };
-    let base = options.over(recipe)?;
+    let base = options.apply_to(recipe)?;
     let fit = Fit {
         action,
         epsilon,

@@ -39,7 +39,7 @@ pub(super) fn trust(judgement: &Judgement) -> Findings {
     }
     text.push_str(".\n\n");
     let of_orbits = judgement.orbits_in_words();
-    let mut lines = format!("- What limits the error: {}.\n", limit.words());
+    let mut lines = format!("- What limits the error: {}.\n", limit.describe());
     if let Some(own) = &own {
         let change = format!(
             "changes by {} over {STEPS} steps along its orbits (median), as the power {:.2} of \

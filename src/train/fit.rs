@@ -109,7 +109,7 @@ impl FamilyPairs {
     ///
     /// # Errors
     /// Those of [`Pairs::under_controls`].
-    pub fn under(
+    pub fn new(
         pairs: Pairs,
         epsilons: Option<&[f64]>,
         times: Option<&[f64]>,
@@ -539,7 +539,7 @@ impl Fit {
         }
         // A model is asked in the middle of the ranges where no values are given.
         let section = match (&self.section, &controls) {
-            (Some(section), Some(controls)) => Some(section.about(&controls.nominal())?),
+            (Some(section), Some(controls)) => Some(section.with_origin(&controls.nominal())?),
             _ => self.section.clone(),
         };
         let known = Self {

@@ -54,7 +54,7 @@ impl Recipe {
 ///     optimiser: Some(Optimiser::named("lm")?),
 ///     ..FitOptions::default()
 /// };
-/// let fit = options.over(Recipe::Paper)?;
+/// let fit = options.apply_to(Recipe::Paper)?;
 /// assert!(fit.training.plateau.is_some());
 /// # Ok::<(), gyroceptron::Error>(())
 /// ```
@@ -102,7 +102,7 @@ impl FitOptions {
     ///
     /// # Errors
     /// [`Error::Invalid`] with the key of the option.
-    pub fn over(self, recipe: Recipe) -> Result<Fit, Error> {
+    pub fn apply_to(self, recipe: Recipe) -> Result<Fit, Error> {
         let is_declared = matches!(recipe, Recipe::Declared(_));
         let base = recipe.fit();
         let network = self.network(base.network.clone())?;
@@ -117,7 +117,7 @@ impl FitOptions {
             training.optimiser = optimiser;
         }
         if let Some(window) = self.plateau {
-            training.plateau = Plateau::over(window);
+            training.plateau = Plateau::of_windows(window);
         }
         for (key, count) in [("iterations", self.iterations), ("starts", self.starts)] {
             if count == Some(0) {

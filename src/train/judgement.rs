@@ -97,7 +97,7 @@ impl Limit {
     pub const FEW_ITERATIONS: u64 = 50;
 
     /// What limits the training in words.
-    pub fn words(self) -> &'static str {
+    pub fn describe(self) -> &'static str {
         match self {
             Self::Data => {
                 "the data: the held-out error is far above the loss; more pairs (where there are controls, of more \

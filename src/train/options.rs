@@ -107,7 +107,7 @@ impl Plateau {
     pub const ITERATIONS: u64 = 50;
 
     /// Windows of this many iterations and an improvement of a tenth in each; None for 0.
-    pub fn over(iterations: u64) -> Option<Self> {
+    pub fn of_windows(iterations: u64) -> Option<Self> {
         (iterations > 0).then(|| Self { iterations, ..Self::default() })
     }
 

@@ -263,7 +263,7 @@ const CASES: &[Case] = &[
     ("iterations", |fit| fit.training.iterations = 5),
     ("a target", |fit| fit.training.target = 0.5),
     ("patience", |fit| fit.training.patience = 1),
-    ("a plateau", |fit| fit.training.plateau = Plateau::over(10)),
+    ("a plateau", |fit| fit.training.plateau = Plateau::of_windows(10)),
     ("the share that is held out", |fit| fit.validation = 0.4),
     ("a seed", |fit| fit.seed = 7),
     ("an architecture", |fit| {
@@ -380,8 +380,8 @@ impl PairsOf {
             pairs = pairs.with_columns(columns);
         }
         let Some([epsilons, times]) = conditions else { return (pairs.clone().into(), pairs) };
-        let written = pairs.clone().under(&epsilons, &times).expect("a family");
-        let family = FamilyPairs::under(pairs, Some(&epsilons), Some(&times), None);
+        let written = pairs.clone().with_epsilons_and_times(&epsilons, &times).expect("a family");
+        let family = FamilyPairs::new(pairs, Some(&epsilons), Some(&times), None);
         (family.expect("a family"), written)
     }
 

@@ -107,7 +107,7 @@ fn a_model_takes_values_of_its_controls() {
         },
         ..Fit::default()
     };
-    let data = FamilyPairs::under(pairs, None, None, Some(&values)).expect("values");
+    let data = FamilyPairs::new(pairs, None, None, Some(&values)).expect("values");
     let fitted = fit.run(data).expect("trains");
     save_model(&path.join("own.json"), &StoredModel::of_fit(&fitted, "train")).expect("written");
     let bytes = |name: &str| std::fs::read(path.join(name)).expect("a model");

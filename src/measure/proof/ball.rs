@@ -53,7 +53,7 @@ impl<C: BallCentre> Tables<C> {
     fn new() -> Self {
         let mut inverse_factorials = vec![BallOf::of(1.0); 2];
         for k in 2..C::TRIGONOMETRIC.0 {
-            inverse_factorials.push(inverse_factorials[k - 1].over(BallOf::of(k as f64)));
+            inverse_factorials.push(inverse_factorials[k - 1].divided_by(BallOf::of(k as f64)));
         }
         let mut root = BallOf::of(2.0);
         for _ in 0..5 {
@@ -127,8 +127,8 @@ impl<C: BallCentre> BallOf<C> {
     }
 
     /// The centre: the doubles that it is the sum of, the larger ones first.
-    pub fn words(self) -> [f64; 3] {
-        self.centre.words()
+    pub fn parts(self) -> [f64; 3] {
+        self.centre.parts()
     }
 
     /// The radius of the ball, an upper bound of the distance from its centre.
@@ -175,7 +175,7 @@ impl<C: BallCentre> BallOf<C> {
     }
 
     /// The quotient: q + (x − qy)/y with a rounded q, whose doubles are found one by one from the remainder.
-    pub fn over(self, y: Self) -> Self {
+    pub fn divided_by(self, y: Self) -> Self {
         let (mut words, mut rest) = ([0.0; 3], self.exact());
         words[0] = self.centre() / y.centre();
         for k in 1..C::WORDS {
@@ -250,7 +250,7 @@ impl<C: BallCentre> BallOf<C> {
         }
         let one = Self::of(1.0);
         let e = self.exact().scaled(-2.0).exp();
-        one.minus(e).over(one.plus(e))
+        one.minus(e).divided_by(one.plus(e))
     }
 }
 
@@ -262,8 +262,8 @@ impl Ball {
 
     /// The number as a factor for other number types; `fine` contains the same number.
     pub fn constant(self, fine: FineBall) -> Constant {
-        let [high, low, _] = self.words();
-        Constant { high, low, radius: self.radius, fine: (fine.words(), fine.radius) }
+        let [high, low, _] = self.parts();
+        Constant { high, low, radius: self.radius, fine: (fine.parts(), fine.radius) }
     }
 }
 

@@ -50,7 +50,7 @@ pub trait Centre: Copy + PartialEq + std::fmt::Debug + Send + Sync + 'static {
     /// The sum of the first [`Centre::WORDS`] of these doubles.
     fn of_words(words: [f64; 3]) -> Self;
     /// The doubles, filled up with zeros.
-    fn words(self) -> [f64; 3];
+    fn parts(self) -> [f64; 3];
     /// The first and largest double of the sum.
     fn first(self) -> f64;
     /// The sum with the opposite sign of each double.
@@ -108,7 +108,7 @@ impl Centre for TwoWords {
     }
 
     #[inline(always)]
-    fn words(self) -> [f64; 3] {
+    fn parts(self) -> [f64; 3] {
         [self.high, self.low, 0.0]
     }
 
@@ -197,7 +197,7 @@ impl Centre for ThreeWords {
     }
 
     #[inline(always)]
-    fn words(self) -> [f64; 3] {
+    fn parts(self) -> [f64; 3] {
         self.0
     }
 

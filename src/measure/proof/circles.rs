@@ -241,7 +241,7 @@ impl Circle {
     pub fn encloses(&self, inner: &Self) -> Result<(), Failure> {
         let [x, y] = inner.candidate.start();
         let centre = [x.centre(), y.centre()];
-        let off = [x, y].map(|x| up(up(x.words()[1].abs()) + x.radius()));
+        let off = [x, y].map(|x| up(up(x.parts()[1].abs()) + x.radius()));
         let around = up(inner.constants.distance + up(off[0] + off[1]));
         self.goes_around(centre, around)
     }

@@ -75,14 +75,16 @@ impl NobleNumber {
     /// The number, enclosed in a ball of any kind.
     pub fn enclosed<C: BallCentre>(&self) -> BallOf<C> {
         let one = BallOf::of(1.0);
-        self.complete_quotients().last().map_or_else(|| one.over(golden()), |x| one.over(*x))
+        self.complete_quotients()
+            .last()
+            .map_or_else(|| one.divided_by(golden()), |x| one.divided_by(*x))
     }
 
     /// ω_{r+1} = (1 + √5)/2, ω_r = a_r + 1/ω_{r+1}, …, ω₁.
     fn complete_quotients<C: BallCentre>(&self) -> Vec<BallOf<C>> {
         let mut out = vec![golden()];
         for &a in self.quotients.iter().rev() {
-            let next = BallOf::of(a.into()).plus(BallOf::of(1.0).over(out[out.len() - 1]));
+            let next = BallOf::of(a.into()).plus(BallOf::of(1.0).divided_by(out[out.len() - 1]));
             out.push(next);
         }
         out
@@ -105,10 +107,10 @@ impl NobleNumber {
         let mut ratio = Ball::of(0.0);
         let mut gamma = f64::INFINITY;
         for (n, next) in complete.iter().enumerate() {
-            let own = Ball::of(1.0).over(next.plus(ratio)).lower();
+            let own = Ball::of(1.0).divided_by(next.plus(ratio)).lower();
             gamma = if own >= gamma { gamma } else { own };
             if let Some(&a) = quotients.get(n) {
-                ratio = Ball::of(1.0).over(Ball::of(a.into()).plus(ratio));
+                ratio = Ball::of(1.0).divided_by(Ball::of(a.into()).plus(ratio));
             }
         }
         gamma

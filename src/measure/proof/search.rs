@@ -411,7 +411,7 @@ fn candidates_from(
         let found = format!("{omega}: Newton's method finds no curve");
         return Err(Error::invalid("circle", found, "an orbit on a smooth curve"));
     };
-    let parts = |x: Ball| [x.words()[0], x.words()[1]];
+    let parts = |x: Ball| [x.parts()[0], x.parts()[1]];
     let modes: Vec<[[f64; 2]; 4]> = curve
         .modes
         .iter()

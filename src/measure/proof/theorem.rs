@@ -497,7 +497,7 @@ fn frames<'a>(
     }
     let normal = |l: [Ball; 2]| {
         let square = l[0].times(l[0]).plus(l[1].times(l[1]));
-        [l[1].negated().over(square), l[0].over(square)]
+        [l[1].negated().divided_by(square), l[0].divided_by(square)]
     };
     points.into_iter().zip(slopes).zip(next).map(move |((point, slope), next)| {
         let mut z = [0, 1].map(|axis| Jet::<Ball, false>::start(point[axis], axis));

@@ -613,6 +613,6 @@ impl Judge<'_> {
             let states = map.rollout(points, Rollout { steps, every: 1 })?;
             Ok(states[points.len()..].to_vec())
         };
-        Ok(search.about(orbit, &follow)?.map(|island| island.interval.width()))
+        Ok(search.find(orbit, &follow)?.map(|island| island.interval.width()))
     }
 }
