@@ -39,7 +39,7 @@ use std::path::PathBuf;
 /// Warns (UserWarning) where the pairs are of no symplectic map, or of another symmetry, where held-out pairs repeat
 /// inputs, and of a density that is not known to 1e-6. Raises Error when the pairs are too few for the degree, of other
 /// shapes, or of a map whose linear part is not near a symplectic one, and when the equation has no solution near some
-/// pair.
+/// pair. Ctrl-C ends it within a second; what computes the degree at hand goes on until that is done.
 #[pyclass(frozen, module = "gyroceptron", name = "SymplecticPolynomial")]
 pub(super) struct PySymplecticPolynomial {
     map: PolynomialOnSection,

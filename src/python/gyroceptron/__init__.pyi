@@ -271,7 +271,7 @@ class SymplecticPolynomial:
     Without a degree it is raised until the error on held-out pairs, a share `validation` of all, falls no more by a tenth.
     With reversor, the reflection of "positions" or "momenta" turns it into its inverse; with mirrored, it commutes with
     the reflection of these planes, 1 being that of q1 and p1. section is a file of the density of the area form, as for
-    train, without controls.
+    train, without controls. Ctrl-C ends the fit within a second.
     """
 
     def __init__(
