@@ -294,7 +294,6 @@ fn the_reference_says_when_it_cannot() {
     assert!(Reference::new(&system, &bad).flow(&system, &mut bad, 1.0).is_err());
 }
 
-/// q̇ = p: no stage changes a slope, so that every step converges.
 /// A spring whose stiffness changes with time.
 struct Driven {
     period: Option<f64>,

@@ -449,16 +449,12 @@ pub(super) fn train(
     fit.check()?;
     // Before anything is computed.
     report.as_deref().map_or(Ok(()), |folder| Folder::check_report(folder, false))?;
-    let mut raised = None;
-    let mut go_on = || {
-        raised = Python::attach(|py| py.check_signals()).err();
-        Ok(if raised.is_none() { Control::Continue } else { Control::Interrupt })
-    };
-    let problem = py.detach(|| fit.prepare_observed(data, &mut go_on));
-    if let Some(raised) = raised {
-        return Err(raised);
-    }
-    let problem = problem?;
+    // Some of what is looked for in many pairs takes more than a second.
+    let problem = abandonable(py, move |stop| {
+        fit.prepare_observed(data, &mut || {
+            Ok(if stop.go_on() { Control::Continue } else { Control::Interrupt })
+        })
+    })?;
     let notes = problem.notes.iter().map(FitNote::to_string).collect();
     for note in problem.notes.iter().filter(|note| note.is_warning()) {
         warn(py, &note.to_string())?;

@@ -284,6 +284,8 @@ fn other_initial_weights_have_errors_and_gains() {
     let timings = std::fs::read_to_string(folder.path().join("timings.json")).expect("timings");
     let text = std::fs::read_to_string(folder.path().join("report.md")).expect("a report");
     rows_of_kinds_are_of_the_times(&serde_json::from_str(&timings).expect("JSON"), &text);
+    assert!(text.contains("(for one step, of the first of its initial weights)"), "{text}");
+    assert!(text.contains("(for one step)"), "of the network of one set: {text}");
     for words in [
         "one step of 10, rms: median",
         "times as long: at the best",
@@ -354,6 +356,48 @@ fn flow_times_beyond_the_ramp_have_fresh_twists() {
     let quick = parse("long", &training).expect("a scene").quick();
     let fresh = quick.setup.training.fresh_twists.expect("as in the scene");
     assert_eq!((fresh.count, fresh.iterations), (1, 25));
+}
+
+/// A step of 60 radians has no solution by fixed-point iteration; the others are compared.
+#[test]
+fn a_rival_that_finds_no_solution_has_a_row_that_says_so() {
+    let rival = "integrators = [\n    { integrator = { kind = \"gauss-legendre\", stages = 12 }, steps = [100.0] },";
+    let scene = few_rivals()
+        .replace("flow_times = [5.0, 10.0, 20.0]", "flow_times = [100.0]")
+        .replace("ramp = true\n", "")
+        .replace("integrators = [", rival);
+    let folder = temporary();
+    run_in(folder.path(), &parse("long", &scene).expect("a scene"));
+    let timings = std::fs::read_to_string(folder.path().join("timings.json")).expect("timings");
+    let timings: Value = serde_json::from_str(&timings).expect("JSON");
+    let text = std::fs::read_to_string(folder.path().join("report.md")).expect("a report");
+    let methods = &timings["studies"]["long_steps"][0]["one_step"]["methods"];
+    let methods: Vec<WorkPrecision> = serde_json::from_value(methods.clone()).expect("methods");
+    let failed: Vec<_> = methods.iter().filter(|method| method.failure.is_some()).collect();
+    assert!(!failed.is_empty() && methods.len() > failed.len(), "{methods:?}");
+    for method in failed {
+        assert!(method.name.contains("Gauss"), "{method:?}");
+        assert!(method.error.is_none() && method.seconds.is_none(), "{method:?}");
+        let row = format!("| {}: {} |", method.name, method.failure.as_ref().expect("failed"));
+        assert!(text.contains(&row), "{row}: {text}");
+    }
+}
+
+/// The averaged equation is of one circle action.
+#[test]
+fn averaged_models_of_systems_without_their_circle_are_refused() {
+    let of_three = |text: &str| {
+        let six = |value: &str| format!("[{}]", [value; 6].join(", "));
+        text.replace("[-1.0, -1.0, -1.0, -1.0]", &six("-1.0"))
+            .replace("[1.0, 1.0, 1.0, 1.0]", &six("1.0"))
+            .replace("[[0.7, 0.1, 0.0, 0.2], [0.2, 0.6, 0.0, 0.0]]", &format!("[{}]", six("0.2")))
+            .replace("kind = \"oscillators\"", "kind = \"three-oscillators\"")
+            .replace("kind = \"strang\"", "kind = \"averaged\", order = 1, angles = 8")
+    };
+    let models = few_rivals();
+    let models: Vec<&str> =
+        models.lines().filter(|line| !line.contains("name = \"gyroceptron\"")).collect();
+    refused(&of_three(&models.join("\n")), &["averaged equation of order 1"]);
 }
 
 #[test]

@@ -289,30 +289,33 @@ impl<'a> OnSlowManifold<'a> {
         self.networks.iter().map(of).collect::<Vec<_>>().join(", ")
     }
 
-    /// The networks whose median is no larger, in words.
-    fn near(&self, key: &str, most: f64) -> Option<String> {
-        let is_near = |network: &&&str| self.median(network, key) <= most;
+    /// The networks of several sets of initial weights, or of one, whose median is no larger, in words.
+    fn near(&self, key: &str, most: f64, has_several: bool) -> Option<String> {
+        let is_near = |network: &&&str| {
+            let several = self.shares(network, key).len() > 1;
+            several == has_several && self.median(network, key) <= most
+        };
         let near: Vec<String> =
             self.networks.iter().filter(is_near).map(|of| format!("`{of}`")).collect();
         Some(near.join(", ")).filter(|near| !near.is_empty())
     }
 
+    fn judged(&self, key: &str, most: f64, within: &str) -> String {
+        match [true, false].map(|has_several| self.near(key, most, has_several)) {
+            [Some(near), _] => format!("{REPRODUCED} by {near} (the median within {within})"),
+            [None, Some(near)] => {
+                format!("undecided (within {within} by one set of initial weights: {near})")
+            }
+            [None, None] => format!("not (no median within {within})"),
+        }
+    }
+
     fn on(&self) -> String {
-        self.near("from_manifold", STAYS).map_or_else(
-            || "not (no median within 5 % of what the reference travels on it)".into(),
-            |near| {
-                format!(
-                    "{REPRODUCED} by {near} (the median within 5 % of what the reference travels on it)"
-                )
-            },
-        )
+        self.judged("from_manifold", STAYS, "5 % of what the reference travels on it")
     }
 
     fn off(&self) -> String {
-        self.near("off", NEAR).map_or_else(
-            || "not (no median within 20 %)".into(),
-            |near| format!("{REPRODUCED} by {near} (the median within 20 %)"),
-        )
+        self.judged("off", NEAR, "20 %")
     }
 }
 
@@ -478,7 +481,8 @@ impl Row {
                 slow.on_in_words(),
                 slow.off_in_words()
             ),
-            verdict: format!("slow manifold: {}; off it: {}", slow.on(), slow.off()),
+            // Off the manifold μ₀ itself changes by as much as 𝔍₀∘ψ⁻¹ goes from it: its size is no ground for a verdict.
+            verdict: format!("slow manifold: {}", slow.on()),
         })
     }
 
@@ -644,6 +648,9 @@ fn run_times(part: &Part<'_>) -> Option<Vec<Block>> {
     Some(out)
 }
 
+/// How many times as long as its gyroceptron the paper's RK4 takes.
+const PAPERS_FACTOR: f64 = 1200.0;
+
 /// Whether networks are faster than integrators, as the paper has it, and in which order.
 #[doc(hidden)]
 pub fn faster_than_integrators(methods: &[WorkPrecision]) -> Option<String> {
@@ -653,21 +660,21 @@ pub fn faster_than_integrators(methods: &[WorkPrecision]) -> Option<String> {
     let [own, henon, symp] = [seconds("gyroceptron")?, seconds("henon-net")?, seconds("symp-net")?];
     let best = AtError::fastest(methods, gyroceptron.error?)?;
     let rk4 = AtError::of_curve(methods, "RK4", gyroceptron.error?);
-    let against = |at: AtError<'_>| Format::Factor.number(at.seconds / own);
+    let factor = |at: &AtError<'_>| at.seconds / own;
+    // The paper says by how much, on a machine and with a program of its own.
+    let is_near = rk4.as_ref().is_some_and(|at| (PAPERS_FACTOR / 3.0..).contains(&factor(at)));
+    let in_words = |at: &AtError<'_>| Format::Factor.number(factor(at));
+    let is_fastest = factor(&best) > 1.0;
     Some(format!(
         "The paper's order, HénonNet before gyroceptron before SympNet: {}; a SympNet takes {} as long as \
-         a HénonNet, the paper's 42 \
-         times. The paper's 1,200 times over RK4: {}; at the error of the gyroceptron RK4 takes {} as \
-         long as it, {} {}.",
+         a HénonNet, the paper's 42 times. The paper's 1,200 times over RK4, to a factor of three: {}; at the error of \
+         the gyroceptron RK4 takes {} as long as it. Of all integrators {} is the fastest there and takes {}: {}.",
         judged(henon < own && own < symp, REPRODUCED, "not"),
         Format::Factor.number(symp / henon),
-        judged(
-            best.seconds > own,
-            REPRODUCED,
-            "not, its steps were small for no error that counts"
-        ),
-        rk4.map_or("no number of steps tried".into(), against),
+        judged(is_near, REPRODUCED, "not, its steps were small for no error that counts"),
+        rk4.as_ref().map_or("no number of steps tried".into(), in_words),
         best.method.name,
-        against(best),
+        in_words(&best),
+        judged(is_fastest, "the network is faster than each", "it is faster than the network"),
     ))
 }

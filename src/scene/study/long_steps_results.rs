@@ -383,6 +383,9 @@ impl Results {
         let both: [(&str, Of); 2] =
             [("for one step", |at| &at.one_step), ("over trajectories", |at| &at.trajectories)];
         for network in names {
+            let is_own = |of: &SeedErrors| of.network == network.name;
+            let of_several = self.times.iter().any(|at| at.seeds.iter().any(is_own));
+            let of_first = if of_several { ", of the first of its initial weights" } else { "" };
             for (what, of) in both {
                 let judged: Vec<(&AtTime, Against<'_>)> = self
                     .times
@@ -434,7 +437,7 @@ impl Results {
                         )
                     }
                 };
-                out.push_str(&format!("- `{}` {words} ({what}).\n", network.name));
+                out.push_str(&format!("- `{}` {words} ({what}{of_first}).\n", network.name));
             }
         }
         out
