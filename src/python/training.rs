@@ -3,7 +3,7 @@
 use super::arrays::{Rows, dof_of, numbers_of, rows_of};
 use super::circles::Circles;
 use super::controls::columns_of;
-use super::interrupt::goes_on_after;
+use super::interrupt::{abandonable, goes_on_after};
 use super::model::Model;
 use super::trained::{Trained, warn};
 use crate::error::Error;
