@@ -1,6 +1,7 @@
 //! Stroboscopic averaging, averaged equations and invariants: their orders, and their definitions.
 
 use crate::integrators::{assert_order, has_order, with_one_off};
+use crate::rivals::Wrong;
 use crate::systems::{distance, particle, point};
 use gyroceptron::flow::{
     Averaged, AveragedSettings, Integrator, MicroSteps, Pairs, Reference, ReferenceTrajectories,
@@ -11,9 +12,8 @@ use gyroceptron::measure::adiabatic::{averaged_invariant, log_slope, second_aver
 use gyroceptron::measure::trajectories::drifts;
 use gyroceptron::scalar::{Dual, Elementary, constant, max_or_nan};
 use gyroceptron::system::{
-    AverageConstants, AveragePart, AveragedOscillator, CellularDrift, FieldLines, FullOrbit,
-    Hamiltonian, NearlyPeriodic, Oscillators, ParticleField, Splittable, System, ThreeOscillators,
-    VanDerPol,
+    AverageConstants, AveragedOscillator, CellularDrift, FieldLines, FullOrbit, Hamiltonian,
+    NearlyPeriodic, Oscillators, ParticleField, Splittable, System, ThreeOscillators, VanDerPol,
 };
 use std::f64::consts::TAU;
 
@@ -414,8 +414,8 @@ fn splittings_of_the_average_have_their_orders(system: &System, z: &[f64]) {
             let by = AveragedSettings { by: Some(by), ..settings };
             let errors = counts.map(|count| distance(&of(by, count), &exact));
             let name = format!("{}, {}", system.kind(), Integrator::Averaged(by).name());
-            // What joins both parts is of second order in ε, and taken as by Strang: it shows in small steps only, which
-            // have a test of their own.
+            // What joins both parts is of second order in ε, and taken as by Strang: it shows in small steps only,
+            // which have a test of their own.
             if settings.order == 2 && system.average_has_cross() {
                 let slope = log_slope(&steps, &errors);
                 assert!(slope > 1.8, "{name}: {slope} of {errors:?}");
@@ -438,76 +438,6 @@ fn splittings_of_the_average_have_their_orders(system: &System, z: &[f64]) {
     assert!(!has_order(2.0, &steps, &errors), "a wrong kick: {errors:?}");
 }
 
-/// A system whose closed average has a wrong part that joins the other two.
-struct Joined<H> {
-    factor: f64,
-    system: H,
-}
-
-impl<H: NearlyPeriodic> Hamiltonian for Joined<H> {
-    fn dof(&self) -> usize {
-        self.system.dof()
-    }
-    fn energy<S: Elementary>(&self, z: &[S], time: f64) -> S {
-        self.system.energy(z, time)
-    }
-    fn vector_field<S: Elementary>(&self, z: &[S], time: f64, out: &mut [S]) {
-        self.system.vector_field(z, time, out);
-    }
-}
-
-impl<H: NearlyPeriodic> NearlyPeriodic for Joined<H> {
-    fn epsilon(&self) -> f64 {
-        self.system.epsilon()
-    }
-    fn circle_action(&self) -> CircleAction {
-        self.system.circle_action()
-    }
-    fn limiting_frequency(&self) -> f64 {
-        self.system.limiting_frequency()
-    }
-    fn adiabatic_invariant<S: Elementary>(&self, z: &[S]) -> S {
-        self.system.adiabatic_invariant(z)
-    }
-    fn average_constants<S: Elementary>(
-        &self,
-        z: &[S],
-        order: usize,
-    ) -> Option<AverageConstants<S>> {
-        self.system.average_constants(z, order)
-    }
-    fn averaged_field<S: Elementary>(
-        &self,
-        z: &[S],
-        constants: &AverageConstants<S>,
-        out: &mut [S],
-    ) {
-        self.system.averaged_field(z, constants, out);
-    }
-    fn average_split(&self) -> Option<Vec<f64>> {
-        self.system.average_split()
-    }
-    fn average_has_cross(&self) -> bool {
-        self.system.average_has_cross()
-    }
-    fn flow_of_average<S: Elementary>(
-        &self,
-        part: AveragePart,
-        z: &mut [S],
-        constants: &AverageConstants<S>,
-        time: S,
-    ) -> S {
-        let time = match part {
-            AveragePart::Cross => S::from_f64(self.factor) * time,
-            _ => time,
-        };
-        self.system.flow_of_average(part, z, constants, time)
-    }
-    fn limiting_flow<S: Elementary>(&self, z: &mut [S], time: S) {
-        self.system.limiting_flow(z, time);
-    }
-}
-
 /// The closed average of second order by a splitting, whose third part joins the other two, against Runge–Kutta steps:
 /// of second order in small steps, and of none with a hundredth more of that part.
 fn what_joins_an_average_counts(name: &str, system: impl NearlyPeriodic + Copy + Sync) {
@@ -518,7 +448,8 @@ fn what_joins_an_average_counts(name: &str, system: impl NearlyPeriodic + Copy +
     let steps = counts.map(|count| time / count as f64);
     for (scheme, splitting) in [("strang", Splitting::STRANG), ("aba-1064", Splitting::ABA_1064)] {
         let errors = |factor: f64| {
-            let joined = Joined { factor, system };
+            let weights = system.circle_action().weights().to_vec();
+            let joined = Wrong { weights, average: 1.0, joined: factor, system };
             counts.map(|count| {
                 let by = Averaged::new(&joined, time, 32, 2).split_by(&joined, splitting, count);
                 let mut found = z.clone();

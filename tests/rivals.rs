@@ -12,7 +12,7 @@ use gyroceptron::measure::adiabatic::log_slope;
 use gyroceptron::measure::timing::root_mean_square_distance;
 use gyroceptron::scalar::{DoubleDouble, Dual, Elementary, Real, Scalar, max_or_nan};
 use gyroceptron::system::{
-    AverageConstants, CellularDrift, FieldLines, FieldProfile, FullOrbit, Hamiltonian,
+    AverageConstants, AveragePart, CellularDrift, FieldLines, FieldProfile, FullOrbit, Hamiltonian,
     NearlyPeriodic, Oscillators, ParticleField, System, ThreeOscillators, VanDerPol,
 };
 use std::f64::consts::TAU;
@@ -206,28 +206,30 @@ fn perturbed_steps_are_those_of_a_stronger_perturbation() {
     }
 }
 
-/// A system that tells a wrong average, or a wrong circle action.
-struct Wrong {
-    weights: [i32; 2],
-    average: f64,
-    system: Oscillators,
+/// A system that gives a wrong average, a wrong part of it that joins the other two, or a wrong circle action.
+pub struct Wrong<H> {
+    pub weights: Vec<i32>,
+    pub average: f64,
+    /// What the time in the part that joins the others is multiplied by.
+    pub joined: f64,
+    pub system: H,
 }
 
-impl Hamiltonian for Wrong {
+impl<H: NearlyPeriodic> Hamiltonian for Wrong<H> {
     fn dof(&self) -> usize {
-        2
+        self.system.dof()
     }
     fn energy<S: Elementary>(&self, z: &[S], time: f64) -> S {
         self.system.energy(z, time)
     }
 }
 
-impl NearlyPeriodic for Wrong {
+impl<H: NearlyPeriodic> NearlyPeriodic for Wrong<H> {
     fn epsilon(&self) -> f64 {
-        self.system.epsilon
+        self.system.epsilon()
     }
     fn circle_action(&self) -> CircleAction {
-        CircleAction::new(self.weights.to_vec())
+        CircleAction::new(self.weights.clone())
     }
     fn limiting_frequency(&self) -> f64 {
         self.system.limiting_frequency()
@@ -258,6 +260,22 @@ impl NearlyPeriodic for Wrong {
             out.iter_mut().for_each(|v| *v *= S::from_f64(self.average));
         }
     }
+    fn average_split(&self) -> Option<Vec<f64>> {
+        self.system.average_split()
+    }
+    fn average_has_cross(&self) -> bool {
+        self.system.average_has_cross()
+    }
+    fn flow_of_average<S: Elementary>(
+        &self,
+        part: AveragePart,
+        z: &mut [S],
+        constants: &AverageConstants<S>,
+        time: S,
+    ) -> S {
+        let share = if part == AveragePart::Cross { self.joined } else { 1.0 };
+        self.system.flow_of_average(part, z, constants, S::from_f64(share) * time)
+    }
     fn limiting_flow<S: Elementary>(&self, z: &mut [S], time: S) {
         self.system.limiting_flow(z, time);
     }
@@ -272,7 +290,7 @@ fn averaged_equations_of_wrong_coefficients_lose_their_order() {
         let errors = intervals.map(|interval| {
             let system = Oscillators { epsilon: 0.05 / interval };
             let exact = exact(&System::Oscillators(system), interval);
-            let wrong = Wrong { weights, average, system };
+            let wrong = Wrong { weights: weights.to_vec(), average, joined: 1.0, system };
             let by = Averaged::new(&wrong, interval, 32, order);
             let by = if closed { by.in_closed_form() } else { by };
             let mut found = points();

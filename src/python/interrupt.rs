@@ -107,10 +107,10 @@ pub(super) fn abandonable<T: Send + 'static>(
                     return Err(signal);
                 }
             }
-            Err(RecvTimeoutError::Disconnected) => match worker.join() {
-                Err(panic) => std::panic::resume_unwind(panic),
-                Ok(()) => return Ok(Err(Error::Stopped { what: "computation".into() })),
-            },
+            Err(RecvTimeoutError::Disconnected) => {
+                let panic = worker.join().expect_err("it sends what it computes");
+                std::panic::resume_unwind(panic);
+            }
         }
     };
     Ok(py.detach(wait)??)

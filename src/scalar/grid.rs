@@ -177,8 +177,8 @@ pub trait GridPlace<V>: Copy + Debug + Send + Sync + 'static {
     fn negated(self, value: V) -> (V, Self);
 }
 
-/// Arithmetic on places of a grid that are integers, [`GridNumbers::Integers`]. With `W` < 64 bits they wrap at 2ᵂ: such
-/// grids are small enough to test all points.
+/// Arithmetic on places of a grid that are integers, [`GridNumbers::Integers`]. With `W` < 64 bits they wrap at 2ᵂ:
+/// such grids are small enough to test all points.
 #[derive(Clone, Copy, Debug)]
 pub struct Integers<V, const W: u32 = 64> {
     places: V,

@@ -17,7 +17,8 @@ use std::f64::consts::TAU;
 /// several turns across the pairs is recovered. Training from a twist that does not turn would keep
 /// angles that are wrong by whole turns.
 ///
-/// Source: Ching, Rosenfeld and Braun, <https://doi.org/10.1109/83.148608>, for unwrapping along a minimum spanning tree.
+/// Source: Ching, Rosenfeld and Braun, <https://doi.org/10.1109/83.148608>, for unwrapping along a minimum spanning
+/// tree.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rings {
     action: TorusAction,

@@ -161,6 +161,12 @@ def test_no_message_names_an_option_of_the_program(tmp_path, pairs, model):
     with pytest.raises(gyroceptron.Error, match="overwrite=True") as refused:
         model.save(path)
     assert "--" not in str(refused.value)
+    with pytest.raises(gyroceptron.Error, match="published-weights: .*; give weights=FILE") as refused:
+        gyroceptron.run("published-weights", tmp_path / "out")
+    assert "--" not in str(refused.value)
+    for source in SOURCES.rglob("*.toml"):
+        text = "".join(line.split("#")[0] for line in source.read_text().splitlines())
+        assert not re.search(r"--[a-z]", text), source
     # Commands of the program that a report says, to repeat what it shows.
     commands = {"command.rs", "html.rs", "markdown.rs", "next_command.rs"}
     for source in SOURCES.rglob("*.rs"):

@@ -358,7 +358,7 @@ fn flow_times_beyond_the_ramp_have_fresh_twists() {
     assert_eq!((fresh.count, fresh.iterations), (1, 25));
 }
 
-/// A step of 60 radians has no solution by fixed-point iteration; the others are compared.
+/// A step of 100 time units has no solution by fixed-point iteration; the other rivals are compared.
 #[test]
 fn a_rival_that_finds_no_solution_has_a_row_that_says_so() {
     let rival = "integrators = [\n    { integrator = { kind = \"gauss-legendre\", stages = 12 }, steps = [100.0] },";

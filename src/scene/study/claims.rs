@@ -481,7 +481,7 @@ impl Row {
                 slow.on_in_words(),
                 slow.off_in_words()
             ),
-            // Off the manifold μ₀ itself changes by as much as 𝔍₀∘ψ⁻¹ goes from it: its size is no ground for a verdict.
+            // The claim is of orbits on the manifold: off it the sizes stand beside the change of μ₀ itself.
             verdict: format!("slow manifold: {}", slow.on()),
         })
     }
@@ -667,7 +667,7 @@ pub fn faster_than_integrators(methods: &[WorkPrecision]) -> Option<String> {
     let is_fastest = factor(&best) > 1.0;
     Some(format!(
         "The paper's order, HénonNet before gyroceptron before SympNet: {}; a SympNet takes {} as long as \
-         a HénonNet, the paper's 42 times. The paper's 1,200 times over RK4, to a factor of three: {}; at the error of \
+         a HénonNet, the paper's 42 times. The paper's 1,200 times over RK4, or a third of that: {}; at the error of \
          the gyroceptron RK4 takes {} as long as it. Of all integrators {} is the fastest there and takes {}: {}.",
         judged(henon < own && own < symp, REPRODUCED, "not"),
         Format::Factor.number(symp / henon),
