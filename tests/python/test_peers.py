@@ -21,7 +21,8 @@ NONE = "a-package-that-nobody-has"
     "code",
     [
         "import pathlib, shared; shared.enter(pathlib.Path({folder!r}), [{none!r}])",
-        "import pathlib, compare; compare.FOLDER, compare.JAX = pathlib.Path({folder!r}), {none!r}; compare.environment()",
+        "import pathlib, compare; compare.FOLDER, compare.JAX = pathlib.Path({folder!r}), {none!r}; "
+        "compare.environment()",
     ],
 )
 def test_without_the_packages_of_the_rivals_nothing_is_compared(tmp_path, code):
